@@ -1,12 +1,12 @@
 //! `gate check`: compares what criterion measured last with `benches/results/table.csv`, and fails where a figure is a
-//! quarter worse. `gate record DATE COMMIT`: makes that table of it, and adds it to the history and its picture.
+//! quarter worse. `gate record DATE COMMIT`: makes that table of it, and adds it to the history and its plot.
 
 use std::error::Error;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use benches::gate::{Figures, figures, picture, table, to_table, worse};
+use benches::gate::{Figures, figures, plot, table, to_table, worse};
 
 /// What of a figure has to be left.
 const SHARE: f64 = 0.75;
@@ -76,7 +76,7 @@ fn record(date: &str, commit: &str) -> Result<(), Box<dyn Error>> {
     // Benches that did not run now keep their figures.
     let mut all = table(&results.join("table.csv")).unwrap_or_default();
     all.extend(now);
-    std::fs::write(results.join("history.svg"), picture(&history))?;
+    std::fs::write(results.join("history.svg"), plot(&history))?;
     std::fs::write(path, history)?;
     std::fs::write(results.join("table.csv"), to_table(&all))?;
     Ok(())

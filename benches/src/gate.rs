@@ -133,9 +133,9 @@ pub fn worse(before: &Figures, now: &Figures, share: f64) -> Vec<(String, f64, f
     both.filter(|&(_, was, is)| is < was * share).collect()
 }
 
-/// The history's lines, `date,commit,processor,id,figure`, as a picture: one line of points for each id, each divided by its
+/// The history's lines, `date,commit,processor,id,figure`, as a plot: one line of points for each id, each divided by its
 /// own first figure.
-pub fn picture(history: &str) -> String {
+pub fn plot(history: &str) -> String {
     const LEFT: f64 = 420.0;
     const TOP: f64 = 30.0;
     const WIDE: f64 = 420.0;
@@ -241,10 +241,10 @@ mod tests {
     }
 
     #[test]
-    fn the_picture_has_a_line_of_points_for_each_id() {
+    fn the_plot_has_a_line_of_points_for_each_id() {
         let history =
             "date,commit,processor,id,figure\nd1,c1,p,a,0.5\nd1,c1,p,b,2\nd2,c2,p,a,0.25\n";
-        let svg = picture(history);
+        let svg = plot(history);
         assert_eq!(svg.matches("<polyline").count(), 2);
         // At the left as it began, at the right half of that.
         assert!(svg.contains("points=\"420.0,43.0 840.0,56.0\""), "{svg}");

@@ -83,6 +83,12 @@ const REPLACED: &[(&str, &str, &str)] = &[
     ("models", "Shelf", "ViewCache"),
     ("autodiff-lite", "Shelf", "FreeList"),
     ("models", "Judge", "PerceptualMetrics"),
+    ("models", "Eye", "ViewSampler"),
+    ("recon", "Eye", "MaskView"),
+    ("recon/src/fit", "Picture", "GrayImage"),
+    ("models", "Picture", "InputImage"),
+    ("datasets", "Picture", "ImageFile"),
+    ("studies", "Picture", "CaptionedImage"),
     ("models/src/img2mesh", "Stage", "Renderer"),
     ("models/src/mcmr", "Stage", "Renderer"),
     ("models/src/predict", "Material", "PredictInput"),
@@ -96,6 +102,12 @@ const REPLACED: &[(&str, &str, &str)] = &[
     ("losses", "slope", "derivative"),
     ("diff-raster", "slope", "derivative"),
     ("ode-deform", "slope", "derivative"),
+    ("recon", "slope", "derivative"),
+    ("models/src/img2mesh", "slope", "gradient"),
+    ("recon", "cones", "bounding_sphere"),
+    ("recon/src/inspect", "ball", "sphere"),
+    ("mesh-core/src", "way", "direction"),
+    ("losses/src/kernels", "way_to_triangle", "offset_to_triangle"),
 ];
 
 /// How identifiers are spelt: as Rust's own are. Sentences are British.

@@ -15,25 +15,25 @@ use crate::source::{Opened, Source};
 use crate::view::View;
 
 /// No image of a view may be a larger file than this.
-pub(crate) const PICTURE_BYTES: u64 = 1 << 28;
+pub(crate) const IMAGE_BYTES: u64 = 1 << 28;
 
 /// A decoded image and where it came from.
-pub(crate) struct Picture {
+pub(crate) struct ImageFile {
     pub(crate) path: PathBuf,
     pub(crate) image: ByteImage,
 }
 
 /// Reads and decodes an image.
-pub(crate) fn read_picture(
+pub(crate) fn read_image_file(
     opened: &mut Opened<'_>,
     name: &str,
     field: &str,
-) -> Result<Picture, ReadViewsError> {
+) -> Result<ImageFile, ReadViewsError> {
     let path = opened.source().locate(name);
-    let bytes = opened.read(name, field, PICTURE_BYTES)?;
+    let bytes = opened.read(name, field, IMAGE_BYTES)?;
     let image = decode_image_with(&bytes, &path, opened.limits())
         .map_err(|error| ReadViewsError::new(&path, error))?;
-    Ok(Picture { path, image })
+    Ok(ImageFile { path, image })
 }
 
 /// A file's name without its extension, with its folders.
@@ -51,16 +51,16 @@ pub(crate) fn plain_stem(name: &str) -> &str {
 }
 
 /// The images of a folder, or of the root where it is called "", in the natural order of their names.
-pub(crate) fn pictures_in(source: &Source, folder: &str) -> Result<Vec<String>, ReadViewsError> {
+pub(crate) fn images_in(source: &Source, folder: &str) -> Result<Vec<String>, ReadViewsError> {
     let names = match folder {
         "" => source.root_names()?,
         _ => source.names_in(folder).into_iter().map(|name| format!("{folder}/{name}")).collect(),
     };
-    let is_picture = |name: &String| {
+    let is_image = |name: &String| {
         let end = name.rsplit_once('.').map_or("", |(_, end)| end);
         ["png", "jpg", "jpeg"].iter().any(|known| end.eq_ignore_ascii_case(known))
     };
-    let mut names: Vec<String> = names.into_iter().filter(is_picture).collect();
+    let mut names: Vec<String> = names.into_iter().filter(is_image).collect();
     names.sort_by(|a, b| natural::compare(a, b));
     Ok(names)
 }
@@ -69,7 +69,7 @@ pub(crate) fn pictures_in(source: &Source, folder: &str) -> Result<Vec<String>, 
 /// found with, but of the same shape.
 pub(crate) fn camera_of_size(
     camera: Camera,
-    picture: &Picture,
+    picture: &ImageFile,
     file: &Path,
     field: &str,
 ) -> Result<Camera, ReadViewsError> {
@@ -85,7 +85,7 @@ pub(crate) fn camera_of_size(
 /// Refuses a picture that is no resized copy of one of `[width, height]`.
 pub(crate) fn check_shape(
     [w, h]: [usize; 2],
-    picture: &Picture,
+    picture: &ImageFile,
     file: &Path,
     field: impl Into<String>,
 ) -> Result<(), ReadViewsError> {
@@ -126,13 +126,13 @@ pub(crate) fn put(path: &Path, bytes: &[u8]) -> Result<(), WriteViewsError> {
 /// `file` is what the layout's mask file says, where there is one and it was asked for. `camera` is for the image's size.
 pub(crate) fn assemble(
     name: String,
-    picture: Picture,
+    picture: ImageFile,
     file: MaskFile,
     camera: Camera,
     depth: Option<(PathBuf, DepthMap)>,
     options: &ReadOptions,
 ) -> Result<View, ReadViewsError> {
-    let Picture { path, image } = picture;
+    let ImageFile { path, image } = picture;
     let size = |h: usize, w: usize| format!("{w}x{h}");
     let same_size = |at: &Path, field: &str, h: usize, w: usize| {
         if (h, w) == (image.height, image.width) {

@@ -4,7 +4,7 @@
 //! rows and columns at the sides that are alike in all of them, and of another colour, are the bars or the frame of a
 //! video and no backdrop. An image whose border is mostly of other colours has no plain backdrop, and is refused.
 
-use mesh_core::ByteImage;
+use mesh_core::{ByteImage, MedianOfEven};
 
 use crate::error::ViewsProblem;
 use crate::mask::keep_largest_part;
@@ -66,7 +66,7 @@ impl Backdrop {
         }
         let bars = bars_of_all(pictures, tolerance);
         let inner: Vec<_> = pictures.iter().map(|p| border_median(p, bars)).collect();
-        let color = std::array::from_fn(|k| median(inner.iter().map(|c| c[k]).collect()));
+        let color = std::array::from_fn(|k| median(inner.iter().map(|c| c[k])));
         let agree = inner.iter().filter(|c| close(**c, color, tolerance)).count();
         (2 * agree > pictures.len()).then_some(())?;
         // Bars of the backdrop's own colour are backdrop.
@@ -138,12 +138,12 @@ fn pixel(picture: &ByteImage, i: usize, j: usize) -> [u8; 3] {
 
 fn border_median(picture: &ByteImage, bars: Bars) -> [u8; 3] {
     let pixels: Vec<[u8; 3]> = border(picture, bars).collect();
-    std::array::from_fn(|k| median(pixels.iter().map(|p| p[k]).collect()))
+    std::array::from_fn(|k| median(pixels.iter().map(|p| p[k])))
 }
 
-fn median(mut values: Vec<u8>) -> u8 {
-    values.sort_unstable();
-    values.get(values.len().saturating_sub(1) / 2).copied().unwrap_or(0)
+/// The lower median; 0 of nothing.
+fn median(values: impl Iterator<Item = u8>) -> u8 {
+    mesh_core::median(values.map(f32::from), MedianOfEven::Lower).map_or(0, |value| value as u8)
 }
 
 /// The colours of the four sides' middles.

@@ -21,7 +21,7 @@ pub fn mask_from_alpha(picture: &ByteImage) -> Option<ByteImage> {
 }
 
 /// A mask from an image file: the alpha where it says something, else the grey value.
-pub(crate) fn mask_from_picture(picture: &ByteImage) -> ByteImage {
+pub(crate) fn mask_from_image(picture: &ByteImage) -> ByteImage {
     mask_from_alpha(picture).unwrap_or_else(|| {
         let c = picture.channels;
         let gray = |p: &[u8]| {

@@ -4,9 +4,9 @@ use std::path::{Component, Path, PathBuf};
 
 use mesh_core::ByteImage;
 
-use crate::assemble::{Picture, plain_stem, read_picture, without_extension};
+use crate::assemble::{ImageFile, plain_stem, read_image_file, without_extension};
 use crate::error::ReadViewsError;
-use crate::mask::mask_from_picture;
+use crate::mask::mask_from_image;
 use crate::options::ReadOptions;
 use crate::source::{Opened, Source};
 
@@ -115,8 +115,8 @@ pub(crate) fn named_mask(
     if !options.reads_mask_files() {
         return Ok(MaskFile::default());
     }
-    let Picture { path, image } = read_picture(opened, name, "mask")?;
-    Ok(Some((path, mask_from_picture(&image))).into())
+    let ImageFile { path, image } = read_image_file(opened, name, "mask")?;
+    Ok(Some((path, mask_from_image(&image))).into())
 }
 
 /// The mask of the image at `path` from a folder that the user named.
@@ -138,8 +138,8 @@ pub(crate) fn mask_of_folder(
     let source = Source::folder(folder).within(options.limits);
     let mut opened = source.open()?;
     if let Some(name) = names.iter().find(|name| source.has(name)) {
-        let Picture { path, image } = read_picture(&mut opened, name, "mask")?;
-        return Ok(Some((path, mask_from_picture(&image))).into());
+        let ImageFile { path, image } = read_image_file(&mut opened, name, "mask")?;
+        return Ok(Some((path, mask_from_image(&image))).into());
     }
     let stem = path.to_string_lossy();
     let stem = plain_stem(&stem);

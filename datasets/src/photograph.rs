@@ -4,7 +4,7 @@ use std::path::Path;
 
 use mesh_core::{Camera, read_image_with};
 
-use crate::assemble::{Picture, assemble};
+use crate::assemble::{ImageFile, assemble};
 use crate::error::{ReadViewsError, ViewsProblem};
 use crate::mask::mask_from_alpha;
 use crate::mask_file::{MaskFile, mask_of_folder};
@@ -70,7 +70,7 @@ impl Photograph {
         let mask = if guessed { backdrop } else { options.mask };
         let name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
         let camera = camera(image.width, image.height);
-        let picture = Picture { path: path.to_owned(), image };
+        let picture = ImageFile { path: path.to_owned(), image };
         let options = ReadOptions { mask, ..options.clone() };
         let view = assemble(name, picture, file, camera, None, &options)?;
         if view.mask_pixels() == 0 {

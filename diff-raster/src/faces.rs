@@ -1,6 +1,6 @@
 //! The faces of a mesh, with what the gradients need to know of their topology.
 
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use mesh_core::TriMesh;
 
@@ -100,6 +100,19 @@ impl Faces {
         Self::new(mesh.positions.len(), &mesh.faces)
     }
 
+    /// Faces that the program made itself, or has checked, to be shared: each names a vertex that is there, and
+    /// memory holds far fewer than 32 bits number. What a file or a user said goes through [`Faces::new`].
+    ///
+    /// # Panics
+    /// If a face names a vertex that is not there.
+    #[track_caller]
+    pub fn of_valid(vertex_count: usize, corners: &[[u32; 3]]) -> Arc<Self> {
+        match Self::new(vertex_count, corners) {
+            Ok(faces) => Arc::new(faces),
+            Err(error) => panic!("Faces: {error}"),
+        }
+    }
+
     /// Number of faces, `F`.
     pub fn len(&self) -> usize {
         self.corners.len()
@@ -160,6 +173,12 @@ mod tests {
         let error = Faces::new(3, &[[0, 1, 2], [0, 2, 3]]).unwrap_err();
         assert_eq!(error, FacesError::VertexOutOfRange { face: 1, index: 3, vertices: 3 });
         assert_eq!(error.to_string(), "face 1 names vertex 3, but there are 3 vertices");
+    }
+
+    #[test]
+    #[should_panic(expected = "Faces: face 1 names vertex 3, but there are 3 vertices")]
+    fn a_programs_own_faces_name_its_vertices() {
+        Faces::of_valid(3, &[[0, 1, 2], [0, 2, 3]]);
     }
 
     #[test]

@@ -91,8 +91,8 @@ mod tests {
             let tape = Tape::<f64>::eval();
             let moved = &drawn[0] + &ndarray::arr1(&[dx, dy, 0.5]);
             let (x, y) = (tape.constant(drawn[0].clone()), tape.constant(moved));
-            let way = (dx * dx + dy * dy + 0.25).sqrt();
-            prop_assert!((earth_mover(x, y, Assignment::Exact).item() - way).abs() < 1e-12);
+            let distance = (dx * dx + dy * dy + 0.25).sqrt();
+            prop_assert!((earth_mover(x, y, Assignment::Exact).item() - distance).abs() < 1e-12);
         }
     }
 

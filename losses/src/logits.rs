@@ -1,5 +1,6 @@
 //! Cross-entropies of logits: what a network gives before a sigmoid or a softmax.
 
+use autodiff_lite::kernels::transcendental::sigmoid;
 use autodiff_lite::{Backward, Real, Var};
 
 use crate::kernels::compare;
@@ -50,13 +51,6 @@ pub fn mask_bce_logits<'t, F: Real>(logits: Var<'t, F>, target: Var<'t, F>) -> V
             compare::derivatives(x.as_slice(), t.as_slice(), scale, out, |x, t| sigmoid(x) - t);
         });
     })
-}
-
-#[inline]
-fn sigmoid<F: Real>(x: F) -> F {
-    let small = (-x.abs()).exp();
-    let positive = F::one() / (F::one() + small);
-    if x >= F::zero() { positive } else { small * positive }
 }
 
 /// Cross-entropy of logits over classes, averaged over the rows.

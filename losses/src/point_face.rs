@@ -5,7 +5,7 @@ use autodiff_lite::{Backward, Real, Var};
 use mesh_core::ClosestPoint;
 use mesh_core::vector::Vec3;
 
-use crate::kernels::point_tree::{PointTree, way_to_triangle};
+use crate::kernels::point_tree::{PointTree, offset_to_triangle};
 use crate::kernels::vec3::{accumulate, points, points_mut, scale};
 
 /// The face nearest to each point: of equally near ones the lowest, `u32::MAX` where there is none (no face, or a
@@ -180,27 +180,27 @@ fn between<'t, F: Real>(
     let (from, mesh) = (x.value(), positions.value());
     let wide = |p: [F; 3]| p.map(Real::to_f64);
     let mut out = tape.array(&[count]);
-    // For each pair: the point and the corners, the way from the surface, the weights of the corners.
+    // For each pair: the point and the corners, the offset from the surface, the weights of the corners.
     let mut places = tape.indices(4 * count);
-    let mut ways = tape.buffer(3 * count);
+    let mut offsets = tape.buffer(3 * count);
     let mut weights = tape.buffer(3 * count);
     let kept = places.as_chunks_mut::<4>().0.iter_mut();
-    let kept = kept.zip(points_mut(&mut ways).iter_mut().zip(points_mut(&mut weights)));
-    for ((out, (place, (way, weight))), (point, face)) in
+    let kept = kept.zip(points_mut(&mut offsets).iter_mut().zip(points_mut(&mut weights)));
+    for ((out, (place, (offset, weight))), (point, face)) in
         out.as_slice_mut().iter_mut().zip(kept).zip(pairs)
     {
         if point == u32::MAX || face == u32::MAX {
             // What is not a number stays visible, and pulls at nothing.
             *out = F::nan();
-            (*place, *way, *weight) = ([0; 4], [F::zero(); 3], [F::zero(); 3]);
+            (*place, *offset, *weight) = ([0; 4], [F::zero(); 3], [F::zero(); 3]);
             continue;
         }
         let [a, b, c] = faces[face as usize];
         let p = wide(points(from.as_slice())[point as usize]);
         let corners = [a, b, c].map(|v| wide(points(mesh.as_slice())[v as usize]));
-        let (on_face, away, squared) = way_to_triangle(corners, p);
+        let (on_face, away, squared) = offset_to_triangle(corners, p);
         *out = F::from_f64(squared);
-        (*place, *way, *weight) =
+        (*place, *offset, *weight) =
             ([point, a, b, c], away.map(F::from_f64), on_face.map(F::from_f64));
     }
     tape.record_fn(name, &[x, positions], out, move |cx: &mut Backward<'_, F>| {
@@ -212,15 +212,16 @@ fn between<'t, F: Real>(
                 continue;
             }
             let out = points_mut(cx.grad_slice_mut(side));
-            let pairs = places.iter().zip(points(&ways)).zip(points(&weights));
-            for ((&[point, corners @ ..], (&way, &weight)), &g) in
-                pairs.map(|((place, way), weight)| (place, (way, weight))).zip(grad.as_slice())
+            let pairs = places.iter().zip(points(&offsets)).zip(points(&weights));
+            for ((&[point, corners @ ..], (&offset, &weight)), &g) in pairs
+                .map(|((place, offset), weight)| (place, (offset, weight)))
+                .zip(grad.as_slice())
             {
                 if side == 0 {
-                    accumulate(&mut out[point as usize], scale(way, two * g));
+                    accumulate(&mut out[point as usize], scale(offset, two * g));
                 } else {
                     for (&corner, w) in corners.iter().zip(weight) {
-                        accumulate(&mut out[corner as usize], scale(way, -(two * g * w)));
+                        accumulate(&mut out[corner as usize], scale(offset, -(two * g * w)));
                     }
                 }
             }
@@ -256,7 +257,7 @@ mod tests {
             let positions = testing::random(&[v, 3], -1.0, 1.0, seed ^ 5);
             let all: Vec<Vec<f64>> = (0..p).map(|i| faces.iter().map(|face| {
                 let at = |a: &ndarray::ArrayD<f64>, i: usize| [0, 1, 2].map(|k| a[[i, k]]);
-                way_to_triangle(face.map(|v| at(&positions, v as usize)), at(&x, i)).2
+                offset_to_triangle(face.map(|v| at(&positions, v as usize)), at(&x, i)).2
             }).collect()).collect();
             let (x, positions) = (tape.constant(x), tape.constant(positions));
             let rows = point_face_distance(x, positions, &faces).value();

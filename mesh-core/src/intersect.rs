@@ -67,9 +67,10 @@ impl Facet {
     #[inline]
     fn side(&self, p: Point) -> i32 {
         let Self { corners: [a, b, c], normal, size, .. } = self;
-        let way = sub(p, *a).map(|x| x as f64);
-        let value = way[0] * normal[0] + way[1] * normal[1] + way[2] * normal[2];
-        let size = way[0].abs() * size[0] + way[1].abs() * size[1] + way[2].abs() * size[2];
+        let offset = sub(p, *a).map(|x| x as f64);
+        let value = offset[0] * normal[0] + offset[1] * normal[1] + offset[2] * normal[2];
+        let size =
+            offset[0].abs() * size[0] + offset[1].abs() * size[1] + offset[2].abs() * size[2];
         // The error is bounded as there.
         if value.abs() > 16.0 * f64::EPSILON * size {
             return if value > 0.0 { 1 } else { -1 };

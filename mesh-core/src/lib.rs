@@ -23,7 +23,7 @@
 //! # By task
 //!
 //! - **a mesh**: [`TriMesh`], [`Texture`]; [`TriMesh::validate`], [`TriMesh::health`],
-//!   [`TriMesh::self_intersections`], both as [`TriMesh::examined`] says them, bounds, area, volume, transforms, [`TriMesh::append`],
+//!   [`TriMesh::self_intersections`], both as [`TriMesh::examined`] says them, [`mod@bounds`], area, volume, transforms, [`TriMesh::append`],
 //!   [`TriMesh::vertex_colors`]
 //! - **make one**: [`primitives`]; finer by [`subdivide`], with anything that lives on the vertices by
 //!   [`Subdivision`]; better triangles by [`improve`], of one size by [`fn@remesh`], fewer by [`simplify`], fewer and graded by [`coarsen`];
@@ -39,7 +39,7 @@
 //!   camera sees, [`CameraVolume`]
 //! - **see**: [`Camera`] with every convention that data comes in, [`Distortion`], [`UpAxis`]; [`Image`], [`ByteImage`], [`DepthMap`],
 //!   [`DisparityMap`] and the [`GroundPlane`] that estimators make up
-//! - **compute** with three numbers: [`vector`]; on a tape, with the feature `ndarray`: `TriMesh::vertices`, `Camera::matrices`
+//! - **compute** with three numbers: [`vector`]; with many, [`fn@median`]; on a tape, with the feature `ndarray`: `TriMesh::vertices`, `Camera::matrices`
 //! - **files**: [`read_mesh`], [`write_mesh`] (OBJ, PLY, GLB, STL; 3MF with the feature `3mf`), [`read_image`], [`write_png`], EXR depth, PFM;
 //!   module [`io`]; how much memory reading may take and what else it may open, [`Limits`]
 //!
@@ -75,6 +75,7 @@
 
 #[cfg(feature = "ndarray")]
 mod arrays;
+pub mod bounds;
 #[cfg(feature = "camera")]
 mod camera;
 mod closest;
@@ -95,6 +96,7 @@ pub mod kernels;
 mod limits;
 mod marching_cubes;
 mod mask;
+mod median;
 mod mesh;
 mod normal_diffusion;
 mod normal_filter;
@@ -114,6 +116,7 @@ mod up_axis;
 pub mod vector;
 mod voxel;
 
+pub use bounds::Bounds;
 #[cfg(feature = "camera")]
 pub use camera::{
     Camera, CameraError, CameraVolume, ColmapCamera, Distortion, KaolinCamera, Lens, OpenCvCamera,
@@ -154,6 +157,7 @@ pub use kernels::nearest::{Nearest, NearestScratch, nearest, nearest_both_into, 
 pub use limits::{Budget, Limits, OverLimit};
 pub use marching_cubes::marching_cubes;
 pub use mask::{Components, Mask};
+pub use median::{MedianOfEven, median};
 pub use mesh::{MeshError, Texture, TriMesh};
 #[cfg(feature = "camera")]
 pub use nalgebra;
@@ -173,6 +177,4 @@ pub use topology::{FacePair, Topology};
 pub use untangle::{untangle, untangle_towards};
 #[cfg(feature = "camera")]
 pub use up_axis::{UpAxis, UpAxisError};
-pub use voxel::{
-    Bounds, VoxelGrid, voxelize_enclosed, voxelize_parity, voxelize_solid, voxelize_surface,
-};
+pub use voxel::{VoxelGrid, voxelize_enclosed, voxelize_parity, voxelize_solid, voxelize_surface};

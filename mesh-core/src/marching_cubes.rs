@@ -250,10 +250,10 @@ mod tests {
             let mesh = marching_cubes(padded, ([0.0; 3], [1.0; 3]), &values, 0.0);
             let topology = Topology::of(&mesh);
             prop_assert!(topology.is_closed());
-            let mut ways = std::collections::HashSet::new();
+            let mut edges = std::collections::HashSet::new();
             for &[a, b, c] in &mesh.faces {
-                for way in [[a, b], [b, c], [c, a]] {
-                    prop_assert!(ways.insert(way), "{:?} twice in one direction", way);
+                for edge in [[a, b], [b, c], [c, a]] {
+                    prop_assert!(edges.insert(edge), "{:?} twice in one direction", edge);
                 }
             }
             prop_assert!(mesh.faces.is_empty() || mesh.volume() > 0.0);

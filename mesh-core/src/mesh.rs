@@ -1,7 +1,8 @@
 //! The triangle mesh that every other crate passes around.
 
 use crate::Image;
-use crate::vector::{area_vector, cross, dot, norm, sub, triangle, widen};
+use crate::bounds::{self, Bounds};
+use crate::vector::{affine, area_vector, cross, dot, narrow, norm, scale, sub, triangle, widen};
 
 /// A triangle mesh with optional colours or texture.
 ///
@@ -208,7 +209,7 @@ impl TriMesh {
     }
 
     /// The smallest box around the finite vertices, `(minimum, maximum)`; `None` if there are none.
-    pub fn bounds(&self) -> Option<([f32; 3], [f32; 3])> {
+    pub fn bounds(&self) -> Option<Bounds> {
         let mut finite = self.positions.iter().filter(|p| p.iter().all(|x| x.is_finite()));
         let first = *finite.next()?;
         Some(finite.fold((first, first), |(low, high), p| {
@@ -266,12 +267,7 @@ impl TriMesh {
     #[must_use]
     pub fn transformed(self, rows: &[[f64; 4]; 3]) -> Self {
         let [x, y, z] = rows.map(|row| [row[0], row[1], row[2]]);
-        let mesh = self.map_positions(|p| {
-            let p = widen(p);
-            std::array::from_fn(|k| {
-                (rows[k][0] * p[0] + rows[k][1] * p[1] + rows[k][2] * p[2] + rows[k][3]) as f32
-            })
-        });
+        let mesh = self.map_positions(|p| narrow(affine(rows, widen(p))));
         if dot(x, cross(y, z)) < 0.0 { mesh.flipped() } else { mesh }
     }
 
@@ -290,14 +286,10 @@ impl TriMesh {
     #[must_use]
     pub fn normalized(self, size: f32) -> Self {
         let Some((low, high)) = self.bounds() else { return self };
-        let extent = (0..3).map(|k| f64::from(high[k]) - f64::from(low[k])).fold(0.0, f64::max);
+        let around = (widen(low), widen(high));
+        let (center, extent) = (bounds::center(around), bounds::longest_side(around));
         let factor = if extent > 0.0 { f64::from(size) / extent } else { 1.0 };
-        self.map_positions(|p| {
-            std::array::from_fn(|k| {
-                let center = 0.5 * (f64::from(low[k]) + f64::from(high[k]));
-                ((f64::from(p[k]) - center) * factor) as f32
-            })
-        })
+        self.map_positions(|p| narrow(scale(sub(widen(p), center), factor)))
     }
 
     /// Adds another mesh; its vertices and faces follow those that are here.

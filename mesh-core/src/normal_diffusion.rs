@@ -1,6 +1,7 @@
 //! Anisotropic diffusion of normals: even where nothing is known, free to break at creases.
 
 use crate::conjugate_gradients::{ConjugateGradients, SymmetricSystem, multiply_rows};
+use crate::vector::{norm, sub};
 use crate::{Topology, face_normals};
 
 /// How far normals are spread over a surface, and where they may break.
@@ -106,11 +107,11 @@ fn biweight(difference: f32, limit: f32) -> f32 {
 }
 
 fn difference(a: [f32; 3], b: [f32; 3]) -> f32 {
-    (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f32>().sqrt()
+    norm(sub(a, b))
 }
 
 fn normalize(n: &mut [f32; 3]) {
-    let length = n.iter().map(|n| n * n).sum::<f32>().sqrt().max(1e-12);
+    let length = norm(*n).max(1e-12);
     *n = n.map(|n| n / length);
 }
 

@@ -4,7 +4,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use crate::TriMesh;
-use crate::vector::{add, area_vector, narrow, norm, scale, triangle};
+use crate::vector::{add, area_vector, interpolate, narrow, norm, scale, triangle};
 
 /// A point on a face, as weights of its three corners.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -30,10 +30,7 @@ impl SurfacePoint {
     /// If the mesh has no such face, or `values` are fewer than its vertices.
     pub fn interpolate<const K: usize>(&self, mesh: &TriMesh, values: &[[f32; K]]) -> [f32; K] {
         let corners = mesh.faces[self.face as usize].map(|v| values[v as usize]);
-        std::array::from_fn(|k| {
-            let weighted = corners.iter().zip(self.barycentric).map(|(c, w)| c[k] * w);
-            weighted.sum()
-        })
+        interpolate(self.barycentric, &corners)
     }
 }
 

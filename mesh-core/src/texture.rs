@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 
+use crate::vector::interpolate;
 use crate::{SurfacePoint, Texture, TriMesh, bilinear};
 
 impl Texture {
@@ -25,9 +26,7 @@ impl Texture {
     /// If the texture has no such face, or the image no pixels.
     pub fn color_at(&self, point: &SurfacePoint) -> [f32; 3] {
         let corners = self.faces[point.face as usize].map(|uv| self.uvs[uv as usize]);
-        self.color(std::array::from_fn(|k| {
-            corners.iter().zip(point.barycentric).map(|(uv, weight)| uv[k] * weight).sum()
-        }))
+        self.color(interpolate(point.barycentric, &corners))
     }
 }
 

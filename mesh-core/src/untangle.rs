@@ -1,7 +1,7 @@
 //! Moving apart, or smoothing away, the places where a surface passes through itself or folds.
 
 use crate::crossings::Crossings;
-use crate::vector::sub;
+use crate::vector::{norm, sub};
 use crate::{Topology, TriMesh, vertex_normals};
 
 /// Folds sharper than this are smoothed, in degrees: 0 is flat, 180 folded back.
@@ -197,8 +197,8 @@ fn tangled(
             let corners = faces[f as usize].map(|v| positions[v as usize]);
             std::array::from_fn(|k| corners.iter().map(|p| p[k]).sum())
         };
-        let (way, normal) = (sub(middle(g), middle(f)), normals[f as usize]);
-        let behind = (0..3).map(|k| way[k] * normal[k]).sum::<f32>() < 0.0;
+        let (offset, normal) = (sub(middle(g), middle(f)), normals[f as usize]);
+        let behind = (0..3).map(|k| offset[k] * normal[k]).sum::<f32>() < 0.0;
         tangled.mark([f, g], faces, behind);
     }
     tangled
@@ -228,7 +228,7 @@ fn swell(positions: &mut [[f32; 3]], marked: &[bool], faces: &[[u32; 3]], topolo
                     let ring = rings.row(v).iter().map(|&w| normals[w as usize][k]);
                     normals[v][k] + ring.sum::<f32>()
                 });
-                let length = sum.iter().map(|x| x * x).sum::<f32>().sqrt();
+                let length = norm(sum);
                 if length > 0.0 { sum.map(|x| x / length) } else { normals[v] }
             })
             .collect();
@@ -241,7 +241,7 @@ fn swell(positions: &mut [[f32; 3]], marked: &[bool], faces: &[[u32; 3]], topolo
             let (mut center, mut edge) = ([0.0; 3], 0.0);
             for &w in ring {
                 let to = sub(positions[w as usize], here);
-                edge += share * to.iter().map(|x| x * x).sum::<f32>().sqrt();
+                edge += share * norm(to);
                 center = std::array::from_fn(|k| center[k] + share * to[k]);
             }
             let up: f32 = (0..3).map(|k| center[k] * normal[k]).sum();

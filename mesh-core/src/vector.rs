@@ -54,10 +54,11 @@ pub fn cross<T: Scalar>(a: [T; 3], b: [T; 3]) -> [T; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// The length.
+/// The length, computed in the precision of the vector.
 #[inline]
-pub fn norm(a: Vec3) -> f64 {
-    dot(a, a).sqrt()
+pub fn norm<T: Scalar>(a: [T; 3]) -> T {
+    // The root of an `f32`, taken in `f64`, rounds to the same `f32`.
+    T::narrowed(dot(a, a).widened().sqrt())
 }
 
 /// The unit vector along `a`, or zero where `a` is zero or not finite.
@@ -80,6 +81,31 @@ pub fn angle(a: Vec3, b: Vec3) -> f64 {
 #[inline]
 pub fn triangle<T: Scalar>(positions: &[[T; 3]], face: [u32; 3]) -> [Vec3; 3] {
     face.map(|v| positions[v as usize].map(T::widened))
+}
+
+/// `A p + t`, the rows of a matrix being `[A | t]`: a point moved, or projected before the division by its last number.
+///
+/// ```
+/// use mesh_core::vector::affine;
+/// assert_eq!(affine(&[[1.0, 0.0, 0.0, 5.0], [0.0, 2.0, 0.0, 0.0]], [1.0, 2.0, 3.0]), [6.0, 4.0]);
+/// ```
+#[inline]
+pub fn affine<T: Scalar, const N: usize>(rows: &[[T; 4]; N], p: [T; 3]) -> [T; N] {
+    rows.map(|r| r[0] * p[0] + r[1] * p[1] + r[2] * p[2] + r[3])
+}
+
+/// `u a + v b + w c`: a value known at the corners of a triangle, at barycentric coordinates.
+///
+/// ```
+/// use mesh_core::vector::interpolate;
+/// assert_eq!(interpolate([0.5, 0.25, 0.25], &[[0.0, 1.0], [4.0, 1.0], [8.0, 1.0]]), [3.0, 1.0]);
+/// ```
+#[inline]
+pub fn interpolate<T: Scalar, const K: usize>(
+    [u, v, w]: [T; 3],
+    [a, b, c]: &[[T; K]; 3],
+) -> [T; K] {
+    std::array::from_fn(|k| u * a[k] + v * b[k] + w * c[k])
 }
 
 /// `(b - a) × (c - a)`: twice the area long, along the outward normal.

@@ -3,13 +3,11 @@
 mod snapped_face;
 mod triangle_in_box;
 
+use crate::bounds::Bounds;
 use crate::vector::Vec3;
 use crate::{TriMesh, iou};
 use snapped_face::SnappedFace;
 use triangle_in_box::TriangleInBox;
-
-/// The lower and the upper corner of a box.
-pub type Bounds = ([f32; 3], [f32; 3]);
 
 /// Which cells of a regular grid are occupied.
 #[derive(Clone, Debug, PartialEq)]

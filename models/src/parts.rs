@@ -62,8 +62,18 @@ pub(crate) fn of_each<T: Send>(
     of: impl Fn(usize) -> Result<T, DataError> + Sync,
 ) -> Result<Vec<T>, DataError> {
     let chosen = count.min(most);
-    let all: Vec<Result<T, DataError>> =
-        (0..chosen).into_par_iter().map(|i| of(i * count / chosen)).collect();
+    of_all(chosen, |i| of(i * count / chosen))
+}
+
+/// What `of` says of all `count` objects, in their order; asked on all threads.
+///
+/// # Errors
+/// The first of `of` in that order, whatever the threads.
+pub(crate) fn of_all<T: Send>(
+    count: usize,
+    of: impl Fn(usize) -> Result<T, DataError> + Sync,
+) -> Result<Vec<T>, DataError> {
+    let all: Vec<Result<T, DataError>> = (0..count).into_par_iter().map(&of).collect();
     all.into_iter().collect()
 }
 

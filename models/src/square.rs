@@ -18,7 +18,7 @@ pub(crate) fn square(view: View, [left, top, right, bottom]: [f64; 4], margin: f
         width: side,
         data: pixels(&depth.data, [depth.height, depth.width], 1, [x, y], side, f32::INFINITY),
     });
-    let picture = |image: &ByteImage, outside: u8| ByteImage {
+    let squared = |image: &ByteImage, outside: u8| ByteImage {
         height: side,
         width: side,
         channels: image.channels,
@@ -32,8 +32,8 @@ pub(crate) fn square(view: View, [left, top, right, bottom]: [f64; 4], margin: f
         ),
     };
     View {
-        color: picture(&view.color, 255),
-        mask: picture(&view.mask, 0),
+        color: squared(&view.color, 255),
+        mask: squared(&view.mask, 0),
         camera: moved(&view.camera, [x, y], side),
         depth,
         name: view.name,

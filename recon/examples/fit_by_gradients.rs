@@ -24,7 +24,7 @@ use diff_raster::{Faces, Renderer, Settings};
 use mesh_core::{Topology, TriMesh, primitives};
 use ndarray::{Array2, Array3, Array4};
 use recon::evaluate::score_views;
-use recon::fit::{FitConfig, cones, fit};
+use recon::fit::{FitConfig, bounding_sphere, fit};
 use recon::progress::Watch;
 use synth::shapes::AlarmClock;
 use synth::{Lighting, Orbit, RenderOptions, render_views};
@@ -127,7 +127,7 @@ struct Target {
 
 fn by_gradients(views: &Views, rate: f64) -> Result<TriMesh, Box<dyn Error>> {
     let (fitted, _) = parts(views);
-    let (center, radius) = cones(&fitted)?;
+    let (center, radius) = bounding_sphere(&fitted)?;
     let targets: Vec<Target> = fitted.iter().map(|view| target(view, center, radius)).collect();
     let [height, width] = [fitted[0].color.height, fitted[0].color.width];
 

@@ -18,7 +18,7 @@ use std::time::Instant;
 
 use datasets::{View, Views};
 use losses::metrics::{Preset, evaluate};
-use mesh_core::{EmptyGrid, TriMesh, cubify, voxelize_solid, write_png};
+use mesh_core::{EmptyGrid, MedianOfEven, TriMesh, cubify, median, voxelize_solid, write_png};
 use recon::evaluate::score_views;
 use recon::fit::{FitConfig, Fitted, fit};
 use recon::progress::Watch;
@@ -147,12 +147,6 @@ fn line(row: &Row) -> String {
     )
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    let n = values.len();
-    if n == 0 { f64::NAN } else { f64::midpoint(values[(n - 1) / 2], values[n / 2]) }
-}
-
 fn table(rows: &[Row], count: usize, arguments: &[String]) -> String {
     let mut text = format!(
         "Fits of procedural objects: {count} views of 256x256 from all around, default configuration, \
@@ -165,7 +159,9 @@ fn table(rows: &[Row], count: usize, arguments: &[String]) -> String {
     for row in rows {
         text.push_str(&line(row));
     }
-    let of = |value: fn(&Row) -> f64| median(rows.iter().map(value).collect());
+    let of = |value: fn(&Row) -> f64| {
+        median(rows.iter().map(value), MedianOfEven::Mean).unwrap_or(f64::NAN)
+    };
     let closed = rows.iter().filter(|row| row.watertight).count();
     let _ = writeln!(
         text,

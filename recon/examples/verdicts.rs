@@ -14,7 +14,7 @@ use std::path::Path;
 use datasets::{View, Views};
 use losses::metrics::voxel_iou;
 use mesh_core::primitives::{capsule, cuboid, extrude, icosphere, rounded_cuboid, torus};
-use mesh_core::{TriMesh, voxelize_solid};
+use mesh_core::{TriMesh, bounds, voxelize_solid};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use recon::fit::{Quality, fit};
@@ -207,10 +207,9 @@ fn solid(name: &str, seed: u64) -> TriMesh {
         }
         other => unreachable!("{other}"),
     };
-    let (low, high) = mesh.bounds().expect("it has vertices");
-    let diagonal = (0..3).map(|k| (high[k] - low[k]).powi(2)).sum::<f32>().sqrt();
-    let middle = std::array::from_fn(|k| -0.5 * (low[k] + high[k]));
-    let mesh = mesh.translated(middle).scaled([1.0 / diagonal; 3]);
+    let around = mesh.bounds().expect("it has vertices");
+    let (middle, diagonal) = (bounds::center(around), bounds::diagonal::<f32>(around));
+    let mesh = mesh.translated(middle.map(|x| -x)).scaled([1.0 / diagonal; 3]);
     if mesh.colors.is_some() {
         return mesh;
     }

@@ -2,18 +2,16 @@
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD as BASE64;
-use mesh_core::{Texture, TriMesh, encode_png, vertex_normals};
+use mesh_core::{Texture, TriMesh, bounds, encode_png, vertex_normals};
 use train::report::Scene;
 
 /// The mesh with its colours or its texture, and normals to shade it by.
 pub fn scene_of(mesh: &TriMesh) -> Scene {
-    let (low, high) = mesh.bounds().unwrap_or(([0.0; 3], [1.0; 3]));
-    let center: [f32; 3] = std::array::from_fn(|k| 0.5 * (low[k] + high[k]));
-    let squared: f32 = (0..3).map(|k| 0.25 * (high[k] - low[k]).powi(2)).sum();
+    let around = mesh.bounds().unwrap_or(([0.0; 3], [1.0; 3]));
     let normals = vertex_normals(&mesh.positions, &mesh.faces);
     let mut scene = Scene {
-        center,
-        radius: squared.sqrt().max(f32::MIN_POSITIVE),
+        center: bounds::center(around),
+        radius: (0.5 * bounds::diagonal::<f32>(around)).max(f32::MIN_POSITIVE),
         positions: floats(&mesh.positions),
         normals: floats(&normals),
         faces: BASE64.encode(bytemuck::cast_slice::<_, u8>(&mesh.faces)),

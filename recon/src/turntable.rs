@@ -2,6 +2,8 @@
 
 use diff_raster::FacesError;
 use gif::{Encoder, Frame, Repeat};
+use mesh_core::bounds::{self, Bounds};
+use mesh_core::vector::widen;
 use mesh_core::{ByteImage, Camera, TriMesh};
 use rayon::prelude::*;
 use synth::{Lighting, RenderOptions, render_views};
@@ -22,16 +24,11 @@ const SIDE: usize = 256;
 ///
 /// `elevation` is in radians; the first camera stands at +Z and the circle goes counter-clockwise
 /// seen from above. The whole bounding sphere is in view.
-pub fn orbit(
-    (low, high): ([f32; 3], [f32; 3]),
-    count: usize,
-    elevation: f64,
-    size: usize,
-) -> Vec<Camera> {
+pub fn orbit(around: Bounds, count: usize, elevation: f64, size: usize) -> Vec<Camera> {
     const FOV: f64 = 0.6;
-    let center: [f64; 3] = std::array::from_fn(|k| 0.5 * f64::from(low[k] + high[k]));
-    let squared: f64 = (0..3).map(|k| f64::from(0.5 * (high[k] - low[k])).powi(2)).sum();
-    let distance = 1.05 * squared.sqrt().max(1e-9) / (0.5 * FOV).sin();
+    let center = widen(bounds::center(around));
+    let radius = 0.5 * bounds::diagonal::<f64>(around);
+    let distance = 1.05 * radius.max(1e-9) / (0.5 * FOV).sin();
     (0..count)
         .map(|k| {
             let azimuth = std::f64::consts::TAU * k as f64 / count as f64;
@@ -116,6 +113,8 @@ pub fn encode_gif(frames: &[ByteImage], delay: u16) -> Vec<u8> {
 
 #[cfg(test)]
 mod tests {
+    use mesh_core::vector::affine;
+
     use super::*;
 
     #[test]
@@ -148,9 +147,7 @@ mod tests {
                 let p: [f64; 3] = std::array::from_fn(|k| {
                     f64::from(if corner >> k & 1 == 0 { bounds.0[k] } else { bounds.1[k] })
                 });
-                let rows = camera.projection();
-                let row = |r: [f64; 4]| r[0] * p[0] + r[1] * p[1] + r[2] * p[2] + r[3];
-                let (x, y, w) = (row(rows[0]), row(rows[1]), row(rows[2]));
+                let [x, y, w] = affine(&camera.projection(), p);
                 assert!(w > 0.0 && (x / w).abs() < 1.0 && (y / w).abs() < 1.0);
             }
         }

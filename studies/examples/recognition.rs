@@ -13,7 +13,8 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use datasets::{Dataset, ReadOptions, Subsets, View};
-use mesh_core::{ByteImage, Camera, TriMesh, encode_png};
+use mesh_core::vector::widen;
+use mesh_core::{ByteImage, Camera, TriMesh, bounds, encode_png};
 use models::predict::{Choice, PredictInput, Predictor, refined};
 use models::{Registry, register};
 use rand::SeedableRng;
@@ -110,7 +111,7 @@ fn drawn(
 struct Shown {
     family: String,
     name: String,
-    pictures: Vec<ByteImage>,
+    images: Vec<ByteImage>,
     /// At cameras whose images were not given, where there are some.
     mask_iou: Option<f64>,
 }
@@ -130,7 +131,7 @@ fn predictions<S: Predictor>(order: &Order) -> Result<Vec<Shown>, Failure> {
             let given = Choice::First(order.views.min(views.len()));
             let input = PredictInput::part(views, given)?;
             let mesh = refined(system.apply(&input)?, &input, &S::refinement(steps))?.mesh;
-            let pictures =
+            let images =
                 if order.beside { beside(&mesh, &input, &mut rng)? } else { sides(&mesh)? };
             let others: Vec<&View> = input.others.iter().collect();
             let mask_iou = if others.is_empty() {
@@ -139,7 +140,7 @@ fn predictions<S: Predictor>(order: &Order) -> Result<Vec<Shown>, Failure> {
                 Some(score_views(&mesh, &others, &|_, _| ())?.mask_iou)
             };
             let (family, name) = (entry.category.clone(), entry.object_name());
-            shown.push(Shown { family, name, pictures, mask_iou });
+            shown.push(Shown { family, name, images, mask_iou });
         }
     }
     shown.shuffle(&mut rng);
@@ -148,9 +149,9 @@ fn predictions<S: Predictor>(order: &Order) -> Result<Vec<Shown>, Failure> {
 
 /// A mesh from its sides, one beside the other.
 fn sides(mesh: &TriMesh) -> Result<Vec<ByteImage>, Failure> {
-    let (low, high) = mesh.bounds().ok_or("an empty mesh")?;
-    let middle: [f64; 3] = std::array::from_fn(|k| 0.5 * f64::from(low[k] + high[k]));
-    let radius = 0.5 * (0..3).map(|k| f64::from(high[k] - low[k]).powi(2)).sum::<f64>().sqrt();
+    let around = mesh.bounds().ok_or("an empty mesh")?;
+    let middle = widen(bounds::center(around));
+    let radius = 0.5 * bounds::diagonal::<f64>(around);
     let options = over_white();
     let side = |degrees: &f64| {
         let (sin, cos) = degrees.to_radians().sin_cos();
@@ -180,16 +181,16 @@ fn over_white() -> RenderOptions {
 }
 
 fn sheet(shown: &[Shown]) -> Result<ByteImage, Failure> {
-    let first = &shown.first().ok_or("no object to show")?.pictures;
+    let first = &shown.first().ok_or("no object to show")?.images;
     let [height, width] = [first[0].height, first[0].width];
     let cell = [height + GAP, first.len() * width + GAP];
     let rows = shown.len().div_ceil(ACROSS);
     let mut sheet = ByteImage::new(rows * cell[0], ACROSS * cell[1], 3);
     sheet.data.fill(255);
     for (i, one) in shown.iter().enumerate() {
-        for (k, picture) in one.pictures.iter().enumerate() {
+        for (k, image) in one.images.iter().enumerate() {
             let corner = [i / ACROSS * cell[0], i % ACROSS * cell[1] + k * width];
-            sheet.paste(picture, corner);
+            sheet.paste(image, corner);
         }
     }
     Ok(sheet)

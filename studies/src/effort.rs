@@ -3,6 +3,7 @@
 use std::time::Instant;
 
 use autodiff_lite::Tape;
+use mesh_core::{MedianOfEven, median};
 use train::{Configuration, DataError, Draw, StepInfo, System};
 
 use crate::row::{Cell, Row};
@@ -34,15 +35,12 @@ pub(crate) fn with_effort<S: System>(
 
 /// The median of what a call takes.
 pub(crate) fn millis(mut call: impl FnMut()) -> f64 {
-    let mut times: Vec<f64> = (0..TIMED)
-        .map(|_| {
-            let start = Instant::now();
-            call();
-            1e3 * start.elapsed().as_secs_f64()
-        })
-        .collect();
-    times.sort_unstable_by(f64::total_cmp);
-    times[TIMED / 2]
+    let times = (0..TIMED).map(|_| {
+        let start = Instant::now();
+        call();
+        1e3 * start.elapsed().as_secs_f64()
+    });
+    median(times, MedianOfEven::Upper).expect("it is called")
 }
 
 /// The first samples of a training.

@@ -80,12 +80,12 @@ impl Floor {
         };
         let said =
             |value: Option<f64>| value.map_or_else(|| "none".to_owned(), |v| format!("{v:.3}"));
-        let way = if self.found < self.perfect { "at least" } else { "at most" };
+        let relation = if self.found < self.perfect { "at least" } else { "at most" };
         let bound = self.bound();
         let reaching = rows.iter().map(|row| {
             let value = value(row);
             let passed = value.is_some_and(|value| self.error(value) <= most);
-            let text = format!("{row}: {column} is {way} {bound:.3}");
+            let text = format!("{row}: {column} is {relation} {bound:.3}");
             Check { text, found: said(value), passed }
         });
         let missing = self.missed_by.iter().map(|row| {
@@ -93,7 +93,7 @@ impl Floor {
             // A row that is not there shows nothing; one whose value is no number would have none.
             let there = results.rows.iter().any(|r| r.table == *table && r.label == *row);
             let passed = there && value.is_none_or(|value| self.error(value) > most);
-            let text = format!("{row}: {column} is not {way} {bound:.3}");
+            let text = format!("{row}: {column} is not {relation} {bound:.3}");
             Check { text, found: said(value), passed }
         });
         reaching.chain(missing).collect()

@@ -78,6 +78,7 @@ fn blank(height: usize, width: usize) -> ByteImage {
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
     use mesh_core::TriMesh;
+    use mesh_core::bounds::longest_side;
     use mesh_core::primitives::icosphere;
 
     use super::*;
@@ -137,8 +138,7 @@ mod tests {
         let pairs = predicted(&system, &data, 0).unwrap();
         assert!(!pairs.is_empty() && pairs.len() <= SHOWN);
         for pair in pairs {
-            let (low, high) = pair.truth.bounds().unwrap();
-            let longest = (0..3).map(|k| high[k] - low[k]).fold(0.0, f32::max);
+            let longest = longest_side(pair.truth.bounds().unwrap());
             let (truth, own) = (middle(&pair.truth), middle(&pair.mesh.unwrap()));
             for k in 0..3 {
                 let away = (truth[k] - own[k]).abs() / longest;

@@ -111,10 +111,10 @@ pub use plan::{Plan, PlannedJob};
 pub use registry::studies;
 pub use remake::remake;
 pub use results::{CellRecord, ColumnRecord, CurveRecord, JobRecord, Results, RowRecord};
-pub use row::{Cell, Picture, PictureKind, Row};
+pub use row::{CaptionedImage, Cell, ImageKind, Row};
 pub use run::{Reproduced, reproduce};
 pub use scale::{Scale, Seeds};
-pub use store::KeptPicture;
+pub use store::KeptImage;
 pub use study::Study;
 pub use table::{Column, Line, Table, Tables};
 /// How [`reproduce`](fn@reproduce) tells what it does, and how it is ended early.

@@ -94,7 +94,7 @@ fn add<'a>(all: &mut Vec<Found<'a>>, (folder, kept): Found<'a>) -> Result<(), Re
 
 /// A result with its images, these first.
 fn copy(folder: &Path, kept: &Kept, store: &Store) -> Result<(), ReproduceError> {
-    let pictures = kept.rows.iter().flat_map(|row| &row.pictures).map(|picture| &picture.file);
+    let pictures = kept.rows.iter().flat_map(|row| &row.pictures).map(|image| &image.file);
     for file in pictures.chain([&result(&kept.job, kept.seed)]) {
         let path = folder.join(file);
         let bytes = fs::read(&path).map_err(|source| io((path, source)))?;

@@ -39,8 +39,8 @@ impl<P: Copy> Nearest<P> {
 pub(crate) fn features(image: &[u8], mask: &[u8]) -> Vec<f32> {
     let side = mask.len().isqrt();
     let small = |data: &[u8], channels: usize| {
-        let picture = ByteImage { height: side, width: side, channels, data: data.to_vec() };
-        picture.resized(SIDE, SIDE).data
+        let image = ByteImage { height: side, width: side, channels, data: data.to_vec() };
+        image.resized(SIDE, SIDE).data
     };
     let bytes = [small(image, 3), small(mask, 1)].concat();
     bytes.into_iter().map(|byte| f32::from(byte) / 255.0).collect()

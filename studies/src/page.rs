@@ -10,8 +10,8 @@ use crate::charts::charts;
 use crate::markdown::{CELLS, RULE};
 use crate::pages::Pages;
 use crate::results::RowRecord;
-use crate::row::PictureKind;
-use crate::store::KeptPicture;
+use crate::row::ImageKind;
+use crate::store::KeptImage;
 use crate::strip::strip;
 use crate::table::Table;
 use crate::verdict::Verdict;
@@ -37,7 +37,7 @@ pub(crate) fn page(pages: &Pages<'_>) -> String {
             let _ = write!(body, "<p class=\"note\">{}</p>", escape(&caption));
         }
         write_table(table, &mut body);
-        write_pictures(pages, &table.name, &mut body);
+        write_images(pages, &table.name, &mut body);
     }
     let _ = write!(
         body,
@@ -114,7 +114,7 @@ fn write_table(table: &Table, body: &mut String) {
 }
 
 /// The images of each row, of the first seed that has it; the true objects above the predicted ones of all rows.
-fn write_pictures(pages: &Pages<'_>, table: &str, body: &mut String) {
+fn write_images(pages: &Pages<'_>, table: &str, body: &mut String) {
     let first = pages.results.rows.iter().map(|row| row.seed).min();
     let rows: Vec<&RowRecord> = pages
         .results
@@ -122,32 +122,32 @@ fn write_pictures(pages: &Pages<'_>, table: &str, body: &mut String) {
         .iter()
         .filter(|row| row.table == table && Some(row.seed) == first)
         .collect();
-    let of = |kind: PictureKind| {
+    let of = |kind: ImageKind| {
         let all = rows.iter().flat_map(|row| row.pictures.iter().map(move |p| (*row, p)));
-        all.filter(move |(_, picture)| picture.kind == kind)
+        all.filter(move |(_, image)| image.kind == kind)
     };
-    if let Some((_, truth)) = of(PictureKind::Truth).next() {
+    if let Some((_, truth)) = of(ImageKind::Truth).next() {
         let caption =
             format!("Objects of the test, drawn by the seed, from three sides: {}.", truth.caption);
-        write_picture(pages, truth, &caption, body);
+        write_image(pages, truth, &caption, body);
     }
-    for (row, picture) in of(PictureKind::Predicted) {
-        write_picture(pages, picture, &format!("{}: the same objects", row.label), body);
+    for (row, image) in of(ImageKind::Predicted) {
+        write_image(pages, image, &format!("{}: the same objects", row.label), body);
     }
-    for (row, picture) in of(PictureKind::Sheet) {
-        let caption = match picture.caption.as_str() {
+    for (row, image) in of(ImageKind::Sheet) {
+        let caption = match image.caption.as_str() {
             text if text.ends_with('.') => text.to_owned(),
             text if text == row.label => format!("{text}: the model above the truth"),
             "" => format!("{}: the model above the truth", row.label),
             text => format!("{}, {text}: the model above the truth", row.label),
         };
-        write_picture(pages, picture, &caption, body);
+        write_image(pages, image, &caption, body);
     }
 }
 
 /// Nothing where the file is not there: results are committed without their images.
-fn write_picture(pages: &Pages<'_>, picture: &KeptPicture, caption: &str, body: &mut String) {
-    let Ok(png) = std::fs::read(pages.root.join(&picture.file)) else { return };
+fn write_image(pages: &Pages<'_>, image: &KeptImage, caption: &str, body: &mut String) {
+    let Ok(png) = std::fs::read(pages.root.join(&image.file)) else { return };
     let _ = write!(
         body,
         "<figure class=\"sheet\"><img alt=\"{caption}\" src=\"data:image/png;base64,{png}\">\

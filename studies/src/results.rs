@@ -12,7 +12,7 @@ use crate::error::ReproduceError;
 use crate::layout::laid_out;
 use crate::order::Order;
 use crate::scale::Scale;
-use crate::store::{Kept, KeptPicture, KeptRow};
+use crate::store::{Kept, KeptImage, KeptRow};
 
 /// What such a file is called in a study's folder.
 pub(crate) const FILE: &str = "results.json";
@@ -103,7 +103,7 @@ pub struct RowRecord {
     pub cells: Vec<CellRecord>,
     /// Files of images, below the folder of the results.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub pictures: Vec<KeptPicture>,
+    pub pictures: Vec<KeptImage>,
 }
 
 /// A value.

@@ -20,13 +20,13 @@ pub struct Row {
     /// What it took to make: of a training that was interrupted, all parts.
     pub seconds: f64,
     /// What there is to look at; the page shows those of the first seed.
-    pub pictures: Vec<Picture>,
+    pub pictures: Vec<CaptionedImage>,
 }
 
 /// What an image is of.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum PictureKind {
+pub enum ImageKind {
     /// Anything, with its caption.
     #[default]
     Sheet,
@@ -54,13 +54,13 @@ pub struct Cell {
 
 /// An image with what it shows.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Picture {
+pub struct CaptionedImage {
     /// The caption.
     pub caption: String,
     /// The image.
     pub image: ByteImage,
     /// What it is of.
-    pub kind: PictureKind,
+    pub kind: ImageKind,
 }
 
 impl Row {
@@ -88,8 +88,12 @@ impl Row {
     #[must_use]
     pub fn showing(mut self, caption: impl Into<String>, pairs: &[ViewPair]) -> Self {
         let image = sheet(pairs);
-        let kind = PictureKind::Sheet;
-        self.pictures.extend(image.map(|image| Picture { caption: caption.into(), image, kind }));
+        let kind = ImageKind::Sheet;
+        self.pictures.extend(image.map(|image| CaptionedImage {
+            caption: caption.into(),
+            image,
+            kind,
+        }));
         self
     }
 
@@ -99,9 +103,9 @@ impl Row {
     pub fn with_objects(mut self, objects: &[MeshPair]) -> Self {
         let names: Vec<&str> = objects.iter().map(|object| object.name.as_str()).collect();
         let caption = names.join(", ");
-        let kinds = [PictureKind::Predicted, PictureKind::Truth];
+        let kinds = [ImageKind::Predicted, ImageKind::Truth];
         for (image, kind) in sheets(objects).into_iter().flatten().zip(kinds) {
-            self.pictures.push(Picture { caption: caption.clone(), image, kind });
+            self.pictures.push(CaptionedImage { caption: caption.clone(), image, kind });
         }
         self
     }

@@ -20,7 +20,7 @@ use train::{Provenance, RunFolder};
 
 use super::curves::{Curve, curves};
 use super::error::ReproduceError;
-use super::row::{Cell, Picture, PictureKind, Row};
+use super::row::{CaptionedImage, Cell, ImageKind, Row};
 
 /// Everything in a study's folder, for those who overwrite one.
 const ENTRIES: &[&str] =
@@ -60,19 +60,19 @@ pub(super) struct KeptRow {
     pub(super) label: String,
     pub(super) cells: Vec<Cell>,
     pub(super) seconds: f64,
-    pub(super) pictures: Vec<KeptPicture>,
+    pub(super) pictures: Vec<KeptImage>,
 }
 
 /// An image in the folder.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct KeptPicture {
+pub struct KeptImage {
     /// The caption.
     pub caption: String,
     /// The file, below the study's folder.
     pub file: String,
     /// What it is of.
     #[serde(default)]
-    pub kind: PictureKind,
+    pub kind: ImageKind,
 }
 
 /// Whether something stands at one of the names that a study writes.
@@ -134,12 +134,12 @@ impl Store {
         let mut count = 0;
         for row in rows {
             let mut pictures = Vec::new();
-            for picture in row.pictures {
+            for image in row.pictures {
                 let file = format!("pictures/{}-{count}.png", stem(job, seed));
                 count += 1;
-                self.write(&file, &encode_png(&picture.image))?;
-                let Picture { caption, kind, .. } = picture;
-                pictures.push(KeptPicture { caption, file, kind });
+                self.write(&file, &encode_png(&image.image))?;
+                let CaptionedImage { caption, kind, .. } = image;
+                pictures.push(KeptImage { caption, file, kind });
             }
             let Row { table, label, cells, seconds, .. } = row;
             kept_rows.push(KeptRow { table, label, cells, seconds, pictures });

@@ -45,10 +45,10 @@ impl Default for PoseNoise {
 
 impl PoseNoise {
     /// The camera as it would be known: a function of a seed and the image's number.
-    pub fn drawn(&self, camera: &Camera, seed: u64, picture: u64) -> Camera {
+    pub fn drawn(&self, camera: &Camera, seed: u64, image: u64) -> Camera {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         // The streams below belong to the orbit.
-        rng.set_stream((1 << 32) + picture);
+        rng.set_stream((1 << 32) + image);
         self.disturb(camera, &mut rng)
     }
 
@@ -121,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn more_pictures_move_none() {
+    fn more_images_move_none() {
         let drawn = |orbit| poses(&orbit, PoseNoise::default());
         let two = drawn(Orbit { count: 2, ..Orbit::photos() });
         assert_eq!(two[..1], drawn(Orbit::photos()));

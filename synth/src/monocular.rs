@@ -41,7 +41,7 @@
 //! ```
 
 use datasets::View;
-use mesh_core::{Camera, Image};
+use mesh_core::{Camera, Image, MedianOfEven};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
@@ -149,7 +149,7 @@ impl Monocular {
         let ground = draw(self.ground);
         let [tilt, warp, flat] = [self.tilt, self.warp, self.flat].map(draw);
         let relief = ReliefErrors::drawn(tilt, warp, flat, &mut rng);
-        let seen = depth.data.iter().copied().filter(|z| z.is_finite()).collect();
+        let seen = depth.data.iter().copied().filter(|z| z.is_finite());
         let unit = median(seen).unwrap_or(1.0);
         let floor = floor.filter(|_| ground > 0.0);
         let plane = floor.and_then(|height| plane(&view.camera, f64::from(height)));
@@ -191,13 +191,9 @@ fn plane(camera: &Camera, height: f64) -> Option<[f64; 3]> {
     })
 }
 
-fn median(mut values: Vec<f32>) -> Option<f64> {
-    let middle = values.len() / 2;
-    if values.is_empty() {
-        return None;
-    }
-    let (_, &mut value, _) = values.select_nth_unstable_by(middle, f32::total_cmp);
-    Some(f64::from(value))
+/// The upper median.
+fn median(values: impl Iterator<Item = f32>) -> Option<f64> {
+    mesh_core::median(values, MedianOfEven::Upper).map(f64::from)
 }
 
 /// Blurs rows, then columns, with the border's value continued outside.
@@ -263,7 +259,7 @@ mod tests {
         let view = view();
         let guess = SHARP.guess(&view, None, 3).unwrap();
         let depth = &view.depth.as_ref().unwrap().data;
-        let unit = median(depth.iter().copied().filter(|z| z.is_finite()).collect()).unwrap();
+        let unit = median(depth.iter().copied().filter(|z| z.is_finite())).unwrap();
         for (&z, &value) in depth.iter().zip(&guess.image.data) {
             let expected = guess.scale * unit / f64::from(z) + guess.shift;
             assert!((f64::from(value) - expected).abs() < 1e-5);
@@ -306,7 +302,7 @@ mod tests {
         let view = view();
         let guess = SHARP.guess(&view, Some(-0.2), 3).unwrap();
         let depth = &view.depth.as_ref().unwrap().data;
-        let unit = median(depth.iter().copied().filter(|z| z.is_finite()).collect()).unwrap();
+        let unit = median(depth.iter().copied().filter(|z| z.is_finite())).unwrap();
         let mut met = 0;
         for (k, &z) in depth.iter().enumerate() {
             let ray = view.camera.ray((k % 90) as f64 + 0.5, (k / 90) as f64 + 0.5);

@@ -5,13 +5,14 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use datasets::View;
 use diff_raster::{Faces, FacesError, Fragments, NONE};
+use mesh_core::vector::interpolate;
 use mesh_core::{ByteImage, Camera, DepthMap, Image, TriMesh, srgb_to_linear};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::doubled::Doubled;
 use super::rendering::{NormalSpace, Rendering};
-use super::shade::{Albedo, Lighting, blend, corner_normals, encode, unit};
+use super::shade::{Albedo, Lighting, corner_normals, encode, unit};
 use super::sketch::Sketch;
 
 /// How a mesh is drawn.
@@ -91,7 +92,7 @@ pub fn render(
         "render: supersample {}, expected an odd number",
         options.supersample
     );
-    let faces = Arc::new(Faces::new(mesh.positions.len(), &mesh.faces)?);
+    let faces = Arc::new(Faces::of(mesh)?);
     let linear = !options.lighting.is_flat();
     let scene = Scene {
         mesh,
@@ -228,7 +229,7 @@ impl Scene<'_> {
     fn normal(&self, fragments: &Fragments, k: usize, camera: &Camera) -> [f32; 3] {
         let Some(normals) = &self.normals else { return [0.0; 3] };
         let b = &fragments.barycentric[3 * k..3 * k + 3];
-        let world = unit(blend(&normals[fragments.face[k] as usize], [b[0], b[1], b[2]]));
+        let world = unit(interpolate([b[0], b[1], b[2]], &normals[fragments.face[k] as usize]));
         match self.options.normals {
             Some(NormalSpace::Camera) => std::array::from_fn(|r| {
                 (0..3).map(|c| camera.rotation[(r, c)] as f32 * world[c]).sum()
@@ -245,7 +246,7 @@ impl Scene<'_> {
         let color = self.albedo.at(face, weights);
         match &self.light {
             Some(light) => {
-                let light: f32 = blend(&light[face].map(|v| [v]), weights)[0];
+                let light: f32 = interpolate(weights, &light[face].map(|v| [v]))[0];
                 color.map(|v| (v * light).min(1.0))
             }
             None => color,
@@ -371,8 +372,8 @@ mod tests {
             checked += 1;
         }
         assert!(checked > 500);
-        let picture = seen.normal_picture().unwrap();
-        assert!(picture.pixel(30, 40)[2] > 250 && picture.pixel(0, 0) == [0, 0, 0]);
+        let normals = seen.normal_image().unwrap();
+        assert!(normals.pixel(30, 40)[2] > 250 && normals.pixel(0, 0) == [0, 0, 0]);
     }
 
     #[test]

@@ -31,7 +31,7 @@ pub struct Rendering {
 
 impl Rendering {
     /// The normals as colours, `(n + 1) / 2`, with black background.
-    pub fn normal_picture(&self) -> Option<ByteImage> {
+    pub fn normal_image(&self) -> Option<ByteImage> {
         let Image { height, width, ref data, .. } = *self.normals.as_ref()?;
         let seen = self.view.mask.data.iter();
         let data = data.chunks_exact(3).zip(seen).flat_map(|(n, &seen)| {

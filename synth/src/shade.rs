@@ -1,6 +1,6 @@
 //! Light on a mesh: what each corner of each face looks like, from wherever it is seen.
 
-use mesh_core::vector::{dot, sub};
+use mesh_core::vector::{dot, interpolate, sub};
 use mesh_core::{TriMesh, bilinear, linear_to_srgb, srgb_to_linear};
 use serde::{Deserialize, Serialize};
 
@@ -189,19 +189,13 @@ impl Albedo {
     #[inline]
     pub(crate) fn at(&self, face: usize, weights: [f32; 3]) -> [f32; 3] {
         match self {
-            Self::Corners(colors) => blend(&colors[face], weights),
+            Self::Corners(colors) => interpolate(weights, &colors[face]),
             Self::Texture { height, width, data, corners } => {
-                let place = blend(&corners[face], weights);
+                let place = interpolate(weights, &corners[face]);
                 bilinear([*width, *height], place, |i, j| data[i * width + j])
             }
         }
     }
-}
-
-/// Values of three corners, weighted.
-#[inline]
-pub(crate) fn blend<const K: usize>(corners: &[[f32; K]; 3], weights: [f32; 3]) -> [f32; K] {
-    std::array::from_fn(|k| (0..3).map(|c| weights[c] * corners[c][k]).sum())
 }
 
 /// What averages of samples are stored as.

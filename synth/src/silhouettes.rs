@@ -27,7 +27,7 @@ use super::sketch::Sketch;
 /// # Cost
 /// A ninth of the samples that a rendering with 3x3 takes, and no colours.
 pub fn silhouettes(mesh: &TriMesh, cameras: &[Camera]) -> Result<Vec<ByteImage>, FacesError> {
-    let faces = Arc::new(Faces::new(mesh.positions.len(), &mesh.faces)?);
+    let faces = Arc::new(Faces::of(mesh)?);
     let silhouette = |sketch: &mut Sketch, camera: &Camera| {
         let mut mask = ByteImage::new(camera.height, camera.width, 1);
         let Some([top, left, _, columns]) = sketch.draw(camera, &mesh.positions, &faces, 1) else {

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use diff_raster::{Faces, Fragments, Scratch, Settings, rasterize_into};
 use mesh_core::Camera;
+use mesh_core::vector::{affine, widen};
 use ndarray::ArrayView3;
 
 /// What a thread keeps from one view to the next.
@@ -72,10 +73,8 @@ fn project(camera: &Camera, positions: &[[f32; 3]], out: &mut Vec<f32>) {
     let perspective = camera.is_perspective();
     out.clear();
     out.reserve(3 * positions.len());
-    for p in positions {
-        let [x, y, w] = rows.map(|r| {
-            r[0] * f64::from(p[0]) + r[1] * f64::from(p[1]) + r[2] * f64::from(p[2]) + r[3]
-        });
+    for &p in positions {
+        let [x, y, w] = affine(&rows, widen(p));
         let by = if perspective { w } else { 1.0 };
         out.extend([(x / by) as f32, (y / by) as f32, w as f32]);
     }

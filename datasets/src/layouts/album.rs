@@ -4,7 +4,7 @@ use std::path::Path;
 
 use mesh_core::{Camera, TriMesh, read_mesh};
 
-use crate::assemble::{Picture, camera_of_size};
+use crate::assemble::{ImageFile, camera_of_size};
 use crate::dataset::Catalog;
 use crate::error::{ReadViewsError, ViewsProblem};
 use crate::options::ReadOptions;
@@ -93,7 +93,7 @@ pub(crate) fn chosen(count: usize, which: Option<&[usize]>) -> Vec<usize> {
 /// The camera of an annotation for the image that is really there, which may have been resized.
 pub(crate) fn fitted(
     camera: Camera,
-    picture: &Picture,
+    picture: &ImageFile,
     file: &Path,
     field: &str,
 ) -> Result<Camera, ReadViewsError> {

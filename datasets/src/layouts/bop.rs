@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use mesh_core::{Camera, DepthMap, decode_depth_png_with};
 
-use crate::assemble::{PICTURE_BYTES, Picture, assemble, read_picture};
+use crate::assemble::{IMAGE_BYTES, ImageFile, assemble, read_image_file};
 use crate::counted::counted_are;
 use crate::dataset::{Catalog, Dataset, Entry, Subset, Truth};
 use crate::error::ReadViewsError;
@@ -24,7 +24,7 @@ const INFO: &str = "scene_gt_info.json";
 const JSON_BYTES: u64 = 1 << 30;
 /// The benchmarks do not ask for an object of which less than this share is seen.
 const LEAST_VISIBLE: f64 = 0.1;
-const PICTURE_EXTENSIONS: [&str; 4] = ["png", "jpg", "jpeg", "JPG"];
+const IMAGE_EXTENSIONS: [&str; 4] = ["png", "jpg", "jpeg", "JPG"];
 
 /// A BOP dataset, split or scene: every object of every split, with all images that show it.
 ///
@@ -242,7 +242,7 @@ impl Shot {
     /// The image among `rgb` and `gray`.
     fn picture(&self, source: &Source) -> Result<String, ReadViewsError> {
         let names = ["rgb", "gray"].iter().flat_map(|folder| {
-            PICTURE_EXTENSIONS.map(|end| format!("{}{folder}/{:06}.{end}", self.scene, self.image))
+            IMAGE_EXTENSIONS.map(|end| format!("{}{folder}/{:06}.{end}", self.scene, self.image))
         });
         let mut names = names.peekable();
         let first = names.peek().cloned().unwrap_or_default();
@@ -261,7 +261,7 @@ impl Shot {
         picture: &str,
         options: &ReadOptions,
     ) -> Result<View, ReadViewsError> {
-        let picture = read_picture(opened, picture, "picture")?;
+        let picture = read_image_file(opened, picture, "picture")?;
         let camera = self.camera(opened.source(), &picture)?;
         let masks = ["mask_visib", "mask"].map(|folder| {
             format!("{}{folder}/{:06}_{:06}.png", self.scene, self.image, self.instance)
@@ -271,7 +271,7 @@ impl Shot {
         assemble(self.name.clone(), picture, mask, camera, depth, options)
     }
 
-    fn camera(&self, source: &Source, picture: &Picture) -> Result<Camera, ReadViewsError> {
+    fn camera(&self, source: &Source, picture: &ImageFile) -> Result<Camera, ReadViewsError> {
         let rows = |m: &[f64; 9]| [[m[0], m[1], m[2]], [m[3], m[4], m[5]], [m[6], m[7], m[8]]];
         let mut k = rows(&self.intrinsics);
         // From the centre of the first pixel to its corner.
@@ -298,7 +298,7 @@ impl Shot {
             return Ok(None);
         }
         let path = source.locate(&name);
-        let bytes = opened.read(&name, "depth", PICTURE_BYTES)?;
+        let bytes = opened.read(&name, "depth", IMAGE_BYTES)?;
         let unit = self.depth_scale as f32;
         let depth = decode_depth_png_with(&bytes, &path, unit, opened.limits())
             .map_err(|error| ReadViewsError::new(&path, error))?;

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use mesh_core::nalgebra::Matrix3;
 use mesh_core::{ByteImage, Camera, TriMesh};
 
-use crate::assemble::{assemble, read_picture};
+use crate::assemble::{assemble, read_image_file};
 use crate::counted::counted_are;
 use crate::dataset::{Catalog, Dataset, Entry, Subset};
 use crate::error::ReadViewsError;
@@ -147,7 +147,7 @@ impl CubAnnotation {
         opened: &mut Opened<'_>,
         options: &ReadOptions,
     ) -> Result<View, ReadViewsError> {
-        let picture = read_picture(opened, &self.image, "picture")?;
+        let picture = read_image_file(opened, &self.image, "picture")?;
         let (array, height, width) = mask.table()?;
         let camera = self.camera(width, height);
         let camera = fitted(camera, &picture, &self.pose_file, &self.pose_field)?;

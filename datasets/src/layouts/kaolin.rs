@@ -10,7 +10,7 @@ use mesh_core::{ByteImage, Camera, encode_depth, encode_png};
 use rayon::prelude::*;
 use serde_json::json;
 
-use crate::assemble::{Picture, assemble, check_shape, put, read_picture};
+use crate::assemble::{ImageFile, assemble, check_shape, put, read_image_file};
 use crate::depth;
 use crate::error::{ReadViewsError, WriteViewsError};
 use crate::formats::json::{Node, parse};
@@ -110,7 +110,7 @@ fn read_view(
 ) -> Result<View, ReadViewsError> {
     let source = opened.source();
     let name = format!("{stem}{COLOR}");
-    let picture = read_picture(opened, &name, "picture")?;
+    let picture = read_image_file(opened, &name, "picture")?;
     let camera = read_camera(opened, stem, &picture)?;
     let mask = format!("{stem}{MASK}");
     let mask = if options.reads_mask_files() && source.has(&mask) {
@@ -126,7 +126,7 @@ fn read_view(
 fn read_camera(
     opened: &mut Opened<'_>,
     stem: &str,
-    picture: &Picture,
+    picture: &ImageFile,
 ) -> Result<Camera, ReadViewsError> {
     let name = format!("{stem}{CAMERA}");
     let path = opened.source().locate(&name);

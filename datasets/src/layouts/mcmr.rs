@@ -9,7 +9,7 @@ use mesh_core::nalgebra::Vector3;
 use mesh_core::{Camera, CameraError};
 use rayon::prelude::*;
 
-use crate::assemble::{assemble, read_picture};
+use crate::assemble::{assemble, read_image_file};
 use crate::content::numbered;
 use crate::counted::counted_are;
 use crate::dataset::{Catalog, Dataset, Entry, Subset};
@@ -145,7 +145,7 @@ impl McmrAnnotation {
         opened: &mut Opened<'_>,
         options: &ReadOptions,
     ) -> Result<View, ReadViewsError> {
-        let picture = read_picture(opened, &self.image, "picture")?;
+        let picture = read_image_file(opened, &self.image, "picture")?;
         let field = "intrinsic, extrinsic";
         let camera = self.camera().map_err(ReadViewsError::camera(&self.file, field))?;
         let camera = fitted(camera, &picture, &self.file, field)?;

@@ -15,7 +15,7 @@ use std::path::Path;
 
 use mesh_core::{Camera, Distortion};
 
-use crate::assemble::{assemble, read_picture, without_extension};
+use crate::assemble::{assemble, read_image_file, without_extension};
 use crate::error::ReadViewsError;
 use crate::mask_file::{mask_file, mask_names};
 use crate::options::ReadOptions;
@@ -126,7 +126,7 @@ impl Shot {
         file: &Path,
         options: &ReadOptions,
     ) -> Result<View, ReadViewsError> {
-        let picture = read_picture(opened, &self.image, "image")?;
+        let picture = read_image_file(opened, &self.image, "image")?;
         let (camera, skew) = self.camera(picture.image.width, picture.image.height, file)?;
         let stem = without_extension(&self.image);
         let masks = mask_names("masks", &self.image);

@@ -10,7 +10,7 @@ use mesh_core::nalgebra::{Rotation3, Vector3};
 use mesh_core::{ByteImage, Camera, Lens, TriMesh};
 use rayon::prelude::*;
 
-use crate::assemble::{Picture, assemble, read_picture};
+use crate::assemble::{ImageFile, assemble, read_image_file};
 use crate::counted::counted_are;
 use crate::dataset::{Catalog, Dataset, Entry, Truth};
 use crate::error::ReadViewsError;
@@ -133,7 +133,7 @@ impl Viewpoint {
 
 impl Pascal3dAnnotation {
     /// The camera of the image, of which the record may leave the size open.
-    fn camera(&self, picture: &Picture) -> Result<Camera, ReadViewsError> {
+    fn camera(&self, picture: &ImageFile) -> Result<Camera, ReadViewsError> {
         let [w, h] = self.size.unwrap_or([picture.image.width, picture.image.height]);
         fitted(self.viewpoint.camera(w, h), picture, &self.file, &self.field)
     }
@@ -144,7 +144,7 @@ impl Pascal3dAnnotation {
         opened: &mut Opened<'_>,
         options: &ReadOptions,
     ) -> Result<View, ReadViewsError> {
-        let picture = read_picture(opened, &self.image, "picture")?;
+        let picture = read_image_file(opened, &self.image, "picture")?;
         let camera = self.camera(&picture)?;
         let wanted = options.reads_mask_files();
         let mask = wanted.then(|| self.mask(opened)).transpose()?;
@@ -163,7 +163,7 @@ impl Pascal3dAnnotation {
             let at = source.locate(&self.image);
             return Err(ReadViewsError::field(at, "mask", "none in Pascal3D+", expected));
         };
-        let objects = read_picture(opened, &mask, "mask")?;
+        let objects = read_image_file(opened, &mask, "mask")?;
         let (c, color) = (objects.image.channels, voc_color(self.place + 1));
         let data = objects.image.data.chunks_exact(c).map(|pixel| match pixel {
             // An index that a tool has written as grey.

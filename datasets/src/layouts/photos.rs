@@ -8,7 +8,9 @@ use mesh_core::{Camera, Lens};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
-use crate::assemble::{assemble, camera_of_size, put, put_images, read_picture, without_extension};
+use crate::assemble::{
+    assemble, camera_of_size, put, put_images, read_image_file, without_extension,
+};
 use crate::depth;
 use crate::error::{ReadViewsError, WriteViewsError};
 use crate::formats::json::{Node, parse};
@@ -157,7 +159,7 @@ impl Shot {
 
     fn read(&self, opened: &mut Opened<'_>, options: &ReadOptions) -> Result<View, ReadViewsError> {
         let source = opened.source();
-        let picture = read_picture(opened, &self.image, "picture")?;
+        let picture = read_image_file(opened, &self.image, "picture")?;
         let field = format!("{}.width, height", self.field);
         let camera =
             camera_of_size(self.camera.clone(), &picture, &source.locate(CAMERAS), &field)?;

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use mesh_core::{Camera, VoxelGrid};
 
-use crate::assemble::{assemble, read_picture};
+use crate::assemble::{assemble, read_image_file};
 use crate::dataset::{Catalog, Dataset, Entry, Subset, Truth};
 use crate::error::ReadViewsError;
 use crate::formats::json::{Node, parse};
@@ -130,7 +130,7 @@ impl Pix3dAnnotation {
     }
 
     fn read(&self, opened: &mut Opened<'_>, options: &ReadOptions) -> Result<View, ReadViewsError> {
-        let picture = read_picture(opened, &self.image, "picture")?;
+        let picture = read_image_file(opened, &self.image, "picture")?;
         let field = format!("{}.rot_mat, trans_mat, focal_length", self.field);
         let camera = fitted(self.camera(), &picture, &self.file, &field)?;
         let mask = named_mask(opened, &self.mask, options)?;

@@ -17,7 +17,7 @@ use std::path::Path;
 use mesh_core::Camera;
 use zip::ZipArchive;
 
-use crate::assemble::{assemble, pictures_in, plain_stem, read_picture};
+use crate::assemble::{assemble, images_in, plain_stem, read_image_file};
 use crate::content::Content;
 use crate::error::ReadViewsError;
 use crate::formats::mat::Mat;
@@ -62,7 +62,7 @@ pub(crate) fn recognises(
     if has(&"projections.txt") {
         return Ok(Some(Matrices::Text("projections.txt".to_owned())));
     }
-    let pictures = first_pictures(source, &IMAGES)?;
+    let pictures = first_images(source, &IMAGES)?;
     let Some(first) = pictures.first() else { return Ok(None) };
     let stem = plain_stem(first);
     if source.has(&format!("txt/{stem}.txt")) {
@@ -80,7 +80,7 @@ pub(crate) fn list<'a>(
     options: &'a ReadOptions,
     matrices: &Matrices,
 ) -> Result<Reading<'a>, ReadViewsError> {
-    let pictures = first_pictures(source, &IMAGES)?;
+    let pictures = first_images(source, &IMAGES)?;
     let masks = masks(source, &pictures)?;
     let (matrices, first_pixel, places) = read(source, matrices, &pictures)?;
     if matrices.len() != pictures.len() {
@@ -103,7 +103,7 @@ pub(crate) fn list<'a>(
     for (((name, masks), p), (file, field)) in views {
         let p = from_corner(p, 0.5 - first_pixel);
         reading.pending.push(Box::new(move |opened| {
-            let picture = read_picture(opened, &name, "picture")?;
+            let picture = read_image_file(opened, &name, "picture")?;
             let (width, height) = (picture.image.width, picture.image.height);
             let (camera, skew) = Camera::from_projection_matrix(p, width, height)
                 .and_then(|(camera, skew)| camera.validate().map(|()| (camera, skew)))
@@ -127,9 +127,9 @@ fn from_corner(mut p: Matrix, offset: f64) -> Matrix {
 }
 
 /// The images of the first of these folders that has any.
-fn first_pictures(source: &Source, folders: &[&str]) -> Result<Vec<String>, ReadViewsError> {
+fn first_images(source: &Source, folders: &[&str]) -> Result<Vec<String>, ReadViewsError> {
     for folder in folders {
-        let found = pictures_in(source, folder)?;
+        let found = images_in(source, folder)?;
         if !found.is_empty() {
             return Ok(found);
         }
@@ -139,7 +139,7 @@ fn first_pictures(source: &Source, folders: &[&str]) -> Result<Vec<String>, Read
 
 /// For each image the masks that may be its own.
 fn masks(source: &Source, pictures: &[String]) -> Result<Vec<Vec<String>>, ReadViewsError> {
-    let found = first_pictures(source, &MASKS)?;
+    let found = first_images(source, &MASKS)?;
     let same = |picture: &String| found.iter().find(|mask| plain_stem(mask) == plain_stem(picture));
     let by_name: Vec<Option<&String>> = pictures.iter().map(same).collect();
     let in_order = by_name.iter().all(Option::is_none) && found.len() == pictures.len();

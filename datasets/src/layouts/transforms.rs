@@ -7,7 +7,7 @@ use mesh_core::{Camera, Distortion, Lens};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
-use crate::assemble::{Picture, assemble, camera_of_size, put, put_images, read_picture};
+use crate::assemble::{ImageFile, assemble, camera_of_size, put, put_images, read_image_file};
 use crate::counted::counted_are;
 use crate::dataset::Subset;
 use crate::depth;
@@ -263,7 +263,7 @@ impl Frame {
         image: &str,
         options: &ReadOptions,
     ) -> Result<View, ReadViewsError> {
-        let picture = read_picture(opened, image, "picture")?;
+        let picture = read_image_file(opened, image, "picture")?;
         let camera = self.camera(&picture)?;
         let mask = match &self.mask {
             Some(name) if options.reads_mask_files() => {
@@ -282,7 +282,7 @@ impl Frame {
     }
 
     /// The camera for an image of this size.
-    fn camera(&self, picture: &Picture) -> Result<Camera, ReadViewsError> {
+    fn camera(&self, picture: &ImageFile) -> Result<Camera, ReadViewsError> {
         let w = self.size[0].unwrap_or(picture.image.width);
         let h = self.size[1].unwrap_or(picture.image.height);
         let (fx, fy) = match self.focal {

@@ -2,7 +2,7 @@
 
 use mesh_core::Camera;
 
-use crate::assemble::{assemble, pictures_in, read_picture, without_extension};
+use crate::assemble::{assemble, images_in, read_image_file, without_extension};
 use crate::counted::counted;
 use crate::error::ReadViewsError;
 use crate::mask_file::{mask_file, mask_names};
@@ -13,8 +13,8 @@ use crate::view::Layout;
 
 /// The photographs of a source in their natural order: those in `images/`, or beside each other.
 pub(crate) fn photographs(source: &Source) -> Result<Vec<String>, ReadViewsError> {
-    let inside = pictures_in(source, "images")?;
-    if inside.is_empty() { pictures_in(source, "") } else { Ok(inside) }
+    let inside = images_in(source, "images")?;
+    if inside.is_empty() { images_in(source, "") } else { Ok(inside) }
 }
 
 /// The views, in the natural order of the photographs' names.
@@ -45,7 +45,7 @@ pub(crate) fn list<'a>(
         .enumerate()
         .map(|(index, name)| -> Pending<'a> {
             Box::new(move |opened| {
-                let picture = read_picture(opened, &name, "picture")?;
+                let picture = read_image_file(opened, &name, "picture")?;
                 let (width, height) = (picture.image.width, picture.image.height);
                 let camera = table.camera(index, width, height);
                 let stem = without_extension(&name);

@@ -57,7 +57,7 @@ pub fn agree(views: &mut [View]) -> Result<Agreement, SegmentError> {
     if seen.is_empty() {
         return Err(SegmentError::NoObject);
     }
-    let region = Region::of_masks(&seen).ok_or(SegmentError::NoRegion)?;
+    let region = Region::around_masks(&seen).ok_or(SegmentError::NoRegion)?;
     let tolerance = ((TOLERANCE * views.len() as f64) as usize).clamp(1, 250) as u8;
     let mut sum = Agreement::default();
     for _ in 0..ROUNDS {

@@ -3,6 +3,7 @@
 //! Laurentini's hull ("The visual hull concept for silhouette-based image understanding", TPAMI 16(2), 1994) is where no
 //! view speaks against. One wrong mask then takes away from the object for all; so views are counted instead.
 
+use mesh_core::vector::affine;
 use mesh_core::{Camera, Mask};
 use rayon::prelude::*;
 
@@ -146,11 +147,7 @@ impl Dissent {
 
 /// The pixel that shows a point, where there is one.
 pub(super) fn pixel_of(camera: &Camera, rows: &[[f64; 4]; 3], p: [f64; 3]) -> Option<usize> {
-    let mut seen = [0.0; 3];
-    for (row, at) in rows.iter().zip(&mut seen) {
-        *at = row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + row[3];
-    }
-    let [x, y, depth] = seen;
+    let [x, y, depth] = affine(rows, p);
     let over = if camera.is_perspective() { depth } else { 1.0 };
     if over <= 0.0 {
         return None;

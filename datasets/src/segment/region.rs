@@ -1,7 +1,7 @@
 //! Where in the world the object may be.
 
 use mesh_core::nalgebra::Vector3;
-use mesh_core::{Camera, Ray};
+use mesh_core::{Camera, Ray, bounds};
 
 /// How many in a hundred cameras may show less of the ball than all of it.
 const CUT: usize = 20;
@@ -20,7 +20,7 @@ pub struct Region {
 impl Region {
     /// The box between two corners.
     pub fn cuboid(low: [f64; 3], high: [f64; 3]) -> Self {
-        let center = std::array::from_fn(|k| 0.5 * (low[k] + high[k]));
+        let center = bounds::center((low, high));
         let half = std::array::from_fn(|k| 0.5 * (high[k] - low[k]));
         Self { center, half, round: false }
     }
@@ -48,7 +48,7 @@ impl Region {
     }
 
     /// The ball around the point where the masks' middles meet, as wide as the widest of them.
-    pub(super) fn of_masks(seen: &[(&Camera, [usize; 4])]) -> Option<Self> {
+    pub(super) fn around_masks(seen: &[(&Camera, [usize; 4])]) -> Option<Self> {
         let middle = |[top, left, height, width]: [usize; 4]| {
             [left as f64 + 0.5 * width as f64, top as f64 + 0.5 * height as f64]
         };
@@ -139,7 +139,7 @@ mod tests {
         let cameras = ring(6);
         let seen: Vec<(&Camera, [usize; 4])> =
             cameras.iter().map(|c| (c, [18, 26, 12, 12])).collect();
-        let ball = Region::of_masks(&seen).unwrap();
+        let ball = Region::around_masks(&seen).unwrap();
         // A box of 12 pixels, as wide as its diagonal.
         let pixel = 5.0 * 2.0 * 0.3_f64.tan() / 48.0;
         let wanted = 1.15 * 6.0 * 2.0_f64.sqrt() * pixel;

@@ -8,6 +8,7 @@
 //! ```
 
 use autodiff_lite::Real;
+use autodiff_lite::kernels::transcendental::sigmoid;
 
 use crate::NONE;
 
@@ -56,13 +57,6 @@ pub struct Grads<'a, F> {
 #[inline]
 pub fn coverage<F: Real>(face: u32, distance: F, sigma: F) -> F {
     if face == NONE { F::zero() } else { sigmoid(-distance / sigma) }
-}
-
-#[inline]
-fn sigmoid<F: Real>(x: F) -> F {
-    let small = (-x.abs()).exp();
-    let positive = F::one() / (F::one() + small);
-    if x >= F::zero() { positive } else { small * positive }
 }
 
 /// The product of `1 - D` over all faces but each, in `rest`; over all of them as the result.

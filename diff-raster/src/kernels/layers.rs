@@ -98,13 +98,13 @@ pub fn measure<F: Real>(p: Flat<F>, corners: &[[F; 3]; 3], settings: &LayerSetti
     let inside = spatial.iter().all(|&w| w > zero);
     let (mut square, mut away, mut nearest) = (F::infinity(), [zero; 2], [zero; 3]);
     for (from, to) in [(0, 1), (0, 2), (1, 2)] {
-        let (along, way) = (minus(s[to], s[from]), minus(p, s[from]));
+        let (along, offset) = (minus(s[to], s[from]), minus(p, s[from]));
         let length = along[0] * along[0] + along[1] * along[1];
         // An edge without length is its second corner.
         let t = if length <= guard {
             one
         } else {
-            ((along[0] * way[0] + along[1] * way[1]) / length).max(zero).min(one)
+            ((along[0] * offset[0] + along[1] * offset[1]) / length).max(zero).min(one)
         };
         let on = [s[from][0] + t * along[0], s[from][1] + t * along[1]];
         let rest = minus(p, on);
@@ -207,7 +207,7 @@ pub fn pull<F: Real>(
     let sign = if layer.inside { pull.signed } else { -pull.signed };
     for k in 0..3 {
         let factor = F::from_f64(2.0) * sign * layer.nearest[k];
-        add(k, layer.away.map(|way| factor * way));
+        add(k, layer.away.map(|x| factor * x));
     }
     out
 }

@@ -25,7 +25,7 @@ struct Node {
 }
 
 /// From a point to the closest of a triangle: that one's weights, the way from there to the point, and its square.
-pub fn way_to_triangle(corners: [Vec3; 3], p: Vec3) -> (Vec3, Vec3, f64) {
+pub fn offset_to_triangle(corners: [Vec3; 3], p: Vec3) -> (Vec3, Vec3, f64) {
     let weights = closest_weights(corners, p);
     let [a, b, c] = [0, 1, 2].map(|k| scale(corners[k], weights[k]));
     let away = sub(p, add(a, add(b, c)));
@@ -67,7 +67,7 @@ impl PointTree {
             }
             let node = &self.nodes[index];
             for &(name, p) in &self.points[node.first as usize..node.last as usize] {
-                let (_, _, squared) = way_to_triangle(corners, p);
+                let (_, _, squared) = offset_to_triangle(corners, p);
                 if squared < best.0 || (squared == best.0 && name < best.1) {
                     best = (squared, name);
                 }
@@ -126,7 +126,7 @@ mod tests {
             points in proptest::collection::vec(place(), 1..60),
             corners in [place(), place(), place()],
         ) {
-            let squares: Vec<f64> = points.iter().map(|&p| way_to_triangle(corners, p).2).collect();
+            let squares: Vec<f64> = points.iter().map(|&p| offset_to_triangle(corners, p).2).collect();
             let least = squares.iter().copied().fold(f64::INFINITY, f64::min);
             let expected = squares.iter().position(|&s| s == least).map(|i| i as u32);
             prop_assert_eq!(PointTree::new(points).closest_to(corners), expected);

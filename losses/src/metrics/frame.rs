@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use mesh_core::bounds::longest_side;
 use mesh_core::{TriMesh, sample_points};
 
 use super::bounds::bounds;
@@ -69,9 +70,7 @@ impl FrameMismatch {
             return None;
         }
         let ((p0, p1), (t0, t1)) = (bounds(prediction)?, bounds(truth)?);
-        let longest =
-            |lo: [f64; 3], hi: [f64; 3]| (0..3).map(|k| hi[k] - lo[k]).fold(0.0, f64::max);
-        let (own, other) = (longest(p0, p1), longest(t0, t1));
+        let (own, other) = (longest_side((p0, p1)), longest_side((t0, t1)));
         if own <= 0.0 || other <= 0.0 {
             return None;
         }

@@ -17,6 +17,7 @@ mod depth;
 mod frame;
 mod frechet;
 mod image;
+mod mask;
 mod mcmr;
 mod points;
 mod protocol;
@@ -28,7 +29,8 @@ mod voxel;
 pub use depth::{DepthError, depth_error};
 pub use frame::FrameMismatch;
 pub use frechet::{FrechetError, feature_distance, frechet};
-pub use image::{MaskRule, l1, mask_iou, mask_iou_by, mse, psnr, psnr_inside, ssim, ssim_valid};
+pub use image::{l1, mse, psnr, psnr_inside, ssim, ssim_valid};
+pub use mask::{MaskRule, mask_iou, mask_iou_by};
 pub use mcmr::{McmrAlignment, mcmr_iou};
 pub use points::{FScore, PointDistances, point_distances};
 pub use protocol::{

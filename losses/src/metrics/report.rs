@@ -1,5 +1,6 @@
 //! Two meshes compared under a protocol.
 
+use mesh_core::bounds::{center, longest_side};
 use mesh_core::{MeshError, TriMesh, face_areas, sample_points, vertex_normals};
 use serde::Serialize;
 
@@ -152,14 +153,13 @@ fn distances(prediction: &TriMesh, truth: &TriMesh, points: Points, report: &mut
 
 /// The factor and the offset (subtracted first) that the protocol asks for.
 fn placement(truth: &TriMesh, normalization: Normalization) -> (f64, [f64; 3]) {
-    let (lo, hi) = bounds(truth).unwrap_or_default();
-    let longest = (0..3).map(|k| hi[k] - lo[k]).fold(f64::MIN_POSITIVE, f64::max);
-    let center = std::array::from_fn(|k| 0.5 * (lo[k] + hi[k]));
+    let around = bounds(truth).unwrap_or_default();
+    let longest = longest_side(around).max(f64::MIN_POSITIVE);
     match normalization {
         Normalization::AsGiven => (1.0, [0.0; 3]),
         Normalization::Scale { factor } => (factor, [0.0; 3]),
         Normalization::LongestEdge { length } => (length / longest, [0.0; 3]),
-        Normalization::Centered { length } => (length / longest, center),
+        Normalization::Centered { length } => (length / longest, center(around)),
     }
 }
 

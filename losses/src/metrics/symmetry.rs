@@ -1,6 +1,6 @@
 //! Turns about the upright axis that leave a surface as it is.
 
-use mesh_core::{TriMesh, sample_points};
+use mesh_core::{TriMesh, bounds, sample_points};
 
 use super::point_distances;
 
@@ -27,10 +27,10 @@ const ALIKE: f64 = 1.25;
 /// assert_eq!(turns(&icosphere(3), 2000).len(), 24);
 /// ```
 pub fn turns(mesh: &TriMesh, points: usize) -> Vec<f64> {
-    let Some((low, high)) = mesh.bounds().filter(|_| !mesh.faces.is_empty()) else {
+    let Some(around) = mesh.bounds().filter(|_| !mesh.faces.is_empty()) else {
         return vec![0.0];
     };
-    let [x, z] = [0, 2].map(|k| 0.5 * (low[k] + high[k]));
+    let [x, _, z] = bounds::center(around);
     let [(surface, _), (other, _)] = [0, 1].map(|seed| sample_points(mesh, points, seed));
     let turned = |degrees: f64| -> Vec<[f32; 3]> {
         let (sin, cos) = degrees.to_radians().sin_cos();

@@ -1,5 +1,6 @@
 //! The strict 3D IoU: solid voxels of both meshes on one grid, nothing aligned.
 
+use mesh_core::bounds::longest_side;
 use mesh_core::{TriMesh, voxelize_solid};
 
 use super::bounds::bounds;
@@ -36,7 +37,7 @@ pub fn voxel_iou(prediction: &TriMesh, truth: &TriMesh, resolution: usize) -> f6
             (low, high)
         }
     };
-    let longest = (0..3).map(|k| high[k] - low[k]).fold(0.0, f64::max);
+    let longest = longest_side((low, high));
     if longest <= 0.0 {
         return 1.0;
     }

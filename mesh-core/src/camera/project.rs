@@ -106,6 +106,7 @@ impl Camera {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::vector::affine;
     use approx::assert_relative_eq;
     use proptest::prelude::*;
 
@@ -157,14 +158,13 @@ mod tests {
             p in prop::array::uniform3(-1.0..1.0_f64), perspective in any::<bool>()
         ) {
             let c = camera(perspective);
-            let along = |r: [f64; 4]| r[0] * p[0] + r[1] * p[1] + r[2] * p[2] + r[3];
-            let [x, y, w] = c.projection().map(along);
+            let [x, y, w] = affine(&c.projection(), p);
             let over = if perspective { w } else { 1.0 };
             let q = c.project(p);
             prop_assert!((w - q.depth).abs() < 1e-12);
             prop_assert!(((1.0 + x / over) * 32.0 - q.column).abs() < 1e-10);
             prop_assert!(((1.0 - y / over) * 24.0 - q.row).abs() < 1e-10);
-            let [column, row, _] = c.pixel_projection().map(along);
+            let [column, row, _] = affine(&c.pixel_projection(), p);
             prop_assert!((column / over - q.column).abs() < 1e-10);
             prop_assert!((row / over - q.row).abs() < 1e-10);
         }

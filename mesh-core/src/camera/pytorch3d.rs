@@ -46,9 +46,9 @@ impl SphericalView {
     /// Where the camera stands: PyTorch3D's `camera_position_from_spherical_angles`, about [`at`](Self::at).
     pub fn eye(&self) -> [f64; 3] {
         let (elevation, azimuth) = (self.elevation.to_radians(), self.azimuth.to_radians());
-        let way =
+        let direction =
             [elevation.cos() * azimuth.sin(), elevation.sin(), elevation.cos() * azimuth.cos()];
-        [0, 1, 2].map(|k| self.at[k] + self.distance * way[k])
+        [0, 1, 2].map(|k| self.at[k] + self.distance * direction[k])
     }
 }
 

@@ -153,8 +153,9 @@ fn in_hierarchy(
     }
 }
 
-/// The obvious loop, for tests.
-pub fn nearest_scalar(queries: &[[f32; 3]], points: &[[f32; 3]]) -> Vec<Nearest> {
+/// The obvious loop, which the others are compared with.
+#[cfg(test)]
+fn nearest_scalar(queries: &[[f32; 3]], points: &[[f32; 3]]) -> Vec<Nearest> {
     let mut found = vec![Nearest::default(); queries.len()];
     compare(queries, points, &mut found);
     found
@@ -177,6 +178,7 @@ fn in_chunks(
     }
 }
 
+#[cfg(any(test, not(feature = "simd")))]
 fn compare(queries: &[[f32; 3]], points: &[[f32; 3]], found: &mut [Nearest]) {
     for (q, found) in queries.iter().zip(found) {
         let mut best = Nearest { index: 0, squared: f32::INFINITY };

@@ -1,4 +1,4 @@
-//! The lens and the distance at which objects were learned, found for a picture of any other camera.
+//! The lens and the distance at which objects were learned, found for an image of any other camera.
 //!
 //! A network that was shown 3D-R2N2's renderings knows objects about 1 unit large, 1.3 away, in the middle of a lens of 49 degrees.
 //! Measured depth of another camera has another unit, another lens, and the object somewhere in the image. The part of the image
@@ -31,7 +31,7 @@ const BESIDE: f64 = 0.35;
 /// By how much the unit of measured depth may differ from the learned one: millimetres of a car, or kilometres, are far within.
 const UNITS: [f64; 2] = [1e-4, 1e4];
 
-/// How a picture was brought to the learned lens.
+/// How an image was brought to the learned lens.
 #[derive(Clone, Debug)]
 pub(super) struct Canonical {
     /// The user's camera, cut to the square.
@@ -195,7 +195,7 @@ mod tests {
 
     /// The renderings that it learned from stay as they are, and so does what says too little.
     #[test]
-    fn learned_pictures_are_left_alone() {
+    fn learned_images_are_left_alone() {
         let camera = Camera::from_r2n2(30.0, 27.5, 0.8, 64, 64);
         let options = RenderOptions { depth: true, ..RenderOptions::default() };
         let ball = icosphere(3).scaled([0.4; 3]);

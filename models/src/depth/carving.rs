@@ -13,7 +13,7 @@ const CERTAIN: f32 = 12.0;
 /// # References
 /// Kutulakos and Seitz 2000, *A Theory of Shape by Space Carving*; Laurentini 1994, *The Visual Hull Concept*.
 pub(super) fn carved(scene: &Scene, cells: usize) -> Vec<f32> {
-    let side = scene.picture.camera.width;
+    let side = scene.image.camera.width;
     let range = |i: usize| i * side / cells..((i + 1) * side).div_ceil(cells);
     let mut known = vec![0.0; cells.pow(3)];
     for (i, ray) in known.chunks_exact_mut(cells).enumerate() {
@@ -52,7 +52,7 @@ pub(super) fn keep_joined(occupied: &mut [bool], known: &[f32], cells: usize) {
 
 /// The cells behind one another that the same pixels see.
 fn carve(ray: &mut [f32], pixels: impl Iterator<Item = usize>, scene: &Scene) {
-    let (mask, channel) = (&scene.picture.mask, &scene.depth_targets.channel);
+    let (mask, channel) = (&scene.image.mask, &scene.depth_targets.channel);
     let mut any = false;
     let mut nearest = None;
     let cells = ray.len();

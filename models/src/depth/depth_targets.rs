@@ -5,6 +5,7 @@ use std::sync::Arc;
 use datasets::View;
 use diff_raster::{Faces, Settings, rasterize};
 use mesh_core::nalgebra::{Matrix3, Vector3};
+use mesh_core::vector::affine;
 use mesh_core::{
     ByteImage, Camera, CameraVolume, DepthMap, DisparityMap, GroundPlane, Lens, Mask, TriMesh,
     voxelize_surface,
@@ -14,7 +15,7 @@ use synth::Monocular;
 
 use super::config::{DepthKind, DepthLossKind, EstimateErrors, PlaceKind, RefineConfig};
 use super::guide;
-use crate::paired::{Frame, Picture};
+use crate::paired::{Frame, InputImage};
 use crate::view_cache::Stored;
 
 /// What belongs to one image, made once.
@@ -59,20 +60,20 @@ impl Stored for DepthTargets {
 impl DepthTargets {
     /// For an image; cells only with a surface.
     pub(super) fn new(
-        picture: &Picture,
+        image: &InputImage,
         known: Known<'_>,
         config: &RefineConfig,
         cells: usize,
     ) -> Self {
-        let mut place = Placed::of(picture, config);
-        let side = picture.camera.width;
-        let object: Vec<bool> = picture.mask.iter().map(|&m| m > 127).collect();
-        let depth = planar_depth(picture, known, &place.frame);
+        let mut place = Placed::of(image, config);
+        let side = image.camera.width;
+        let object: Vec<bool> = image.mask.iter().map(|&m| m > 127).collect();
+        let depth = planar_depth(image, known, &place.frame);
         if config.place == PlaceKind::Seen {
             place.stand_at(guide::median_depth(&depth, object.iter().copied()), config.reach);
         }
         let disparity = match config.depth {
-            DepthKind::Estimated => disparity(&depth, picture, known, &place.frame, config),
+            DepthKind::Estimated => disparity(&depth, image, known, &place.frame, config),
             _ => Vec::new(),
         };
         let channel = match config.depth {
@@ -90,7 +91,7 @@ impl DepthTargets {
         };
         let cells = match known {
             Known::Surface(mesh, _) if cells > 0 => {
-                occupied(&volume(picture, place.ends), &place.frame.mesh_placed(mesh), cells)
+                occupied(&volume(image, place.ends), &place.frame.mesh_placed(mesh), cells)
             }
             _ => Vec::new(),
         };
@@ -104,8 +105,8 @@ impl DepthTargets {
     }
 
     /// The volume whose cells are predicted, in the frame.
-    pub fn volume(&self, picture: &Picture) -> CameraVolume {
-        volume(picture, self.ends)
+    pub fn volume(&self, image: &InputImage) -> CameraVolume {
+        volume(image, self.ends)
     }
 }
 
@@ -117,11 +118,11 @@ struct Placed {
 }
 
 impl Placed {
-    fn of(picture: &Picture, config: &RefineConfig) -> Self {
+    fn of(image: &InputImage, config: &RefineConfig) -> Self {
         let (frame, middle) = match config.place {
-            PlaceKind::Fixed | PlaceKind::Seen => (picture.frame, config.middle),
+            PlaceKind::Fixed | PlaceKind::Seen => (image.frame, config.middle),
             PlaceKind::Known => {
-                let camera = &picture.camera;
+                let camera = &image.camera;
                 // Focal length over half of the image.
                 let focal = match camera.lens {
                     Lens::Perspective { fx, .. } => 2.0 * fx / camera.width as f64,
@@ -145,21 +146,21 @@ impl Placed {
     }
 }
 
-fn volume(picture: &Picture, [near, far]: [f32; 2]) -> CameraVolume {
+fn volume(image: &InputImage, [near, far]: [f32; 2]) -> CameraVolume {
     let (rotation, translation) = (Matrix3::identity(), Vector3::zeros());
-    let here = Camera { rotation, translation, ..picture.camera.clone() };
+    let here = Camera { rotation, translation, ..image.camera.clone() };
     CameraVolume::new(here, f64::from(near), f64::from(far))
 }
 
 /// Planar depth in the frame: what came with the image, or else that of the true surface; empty where there is neither.
-fn planar_depth(picture: &Picture, known: Known<'_>, frame: &Frame) -> Vec<f32> {
+fn planar_depth(image: &InputImage, known: Known<'_>, frame: &Frame) -> Vec<f32> {
     match known {
-        Known::Surface(mesh, _) if picture.depth.is_none() => {
-            rendered(&frame.mesh_placed(mesh), picture)
+        Known::Surface(mesh, _) if image.depth.is_none() => {
+            rendered(&frame.mesh_placed(mesh), image)
         }
         _ => {
             let scale = frame.scale() as f32;
-            let given = picture.depth.as_deref().unwrap_or_default();
+            let given = image.depth.as_deref().unwrap_or_default();
             given.iter().map(|z| z * scale).collect()
         }
     }
@@ -168,7 +169,7 @@ fn planar_depth(picture: &Picture, known: Known<'_>, frame: &Frame) -> Vec<f32> 
 /// Disparity as a network would estimate it, or that of the given depth.
 fn disparity(
     depth: &[f32],
-    picture: &Picture,
+    image: &InputImage,
     known: Known<'_>,
     frame: &Frame,
     config: &RefineConfig,
@@ -179,7 +180,7 @@ fn disparity(
                 EstimateErrors::Affine => Monocular::default(),
                 EstimateErrors::Nonlinear => Monocular::with_relief_errors(),
             };
-            estimated(depth, picture, frame, mesh, (&monocular, seed))
+            estimated(depth, image, frame, mesh, (&monocular, seed))
         }
         Known::Given => depth.iter().copied().map(inverse).collect(),
     }
@@ -205,15 +206,13 @@ fn inverse(z: f32) -> f32 {
 }
 
 /// Planar depth of a mesh of the frame at the image's pixels.
-pub(super) fn rendered(mesh: &TriMesh, picture: &Picture) -> Vec<f32> {
-    let side = picture.camera.width;
+pub(super) fn rendered(mesh: &TriMesh, image: &InputImage) -> Vec<f32> {
+    let side = image.camera.width;
+    let rows: [[f32; 4]; 3] =
+        std::array::from_fn(|i| std::array::from_fn(|j| image.lens[4 * i + j]));
     let seen = |p: &[f32; 3]| -> [f32; 3] {
-        let row = |k: usize| {
-            let m = &picture.lens[4 * k..4 * k + 4];
-            m[0] * p[0] + m[1] * p[1] + m[2] * p[2] + m[3]
-        };
-        let w = row(2);
-        [row(0) / w, row(1) / w, w]
+        let [x, y, w] = affine(&rows, *p);
+        [x / w, y / w, w]
     };
     let projected: Vec<f32> = mesh.positions.iter().flat_map(seen).collect();
     let shape = (1, mesh.positions.len(), 3);
@@ -227,12 +226,12 @@ pub(super) fn rendered(mesh: &TriMesh, picture: &Picture) -> Vec<f32> {
 /// Disparity as a network would guess it from this image.
 fn estimated(
     depth: &[f32],
-    picture: &Picture,
+    image: &InputImage,
     frame: &Frame,
     mesh: &TriMesh,
     (monocular, seed): (&Monocular, u64),
 ) -> Vec<f32> {
-    let side = picture.camera.width;
+    let side = image.camera.width;
     let unit = (1.0 / frame.scale()) as f32;
     let data = depth.iter().map(|z| z * unit).collect();
     let blank = |channels| ByteImage::new(side, side, channels);
@@ -240,7 +239,7 @@ fn estimated(
         name: String::new(),
         color: blank(3),
         mask: blank(1),
-        camera: picture.camera.clone(),
+        camera: image.camera.clone(),
         depth: Some(DepthMap { height: side, width: side, data }),
     };
     let floor = mesh.bounds().map(|(low, _)| low[1]);

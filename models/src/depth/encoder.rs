@@ -46,7 +46,7 @@ impl Encoder {
 
     /// Images as the network takes them, `[N, S, S, 3 or 4]`.
     pub(super) fn images(&self, tape: &Tape, scenes: &[&Scene]) -> Tensor<f32> {
-        let side = scenes[0].picture.camera.width;
+        let side = scenes[0].image.camera.width;
         let channels = self.channels();
         let mut images = tape.array(&[scenes.len(), side, side, channels]);
         let values = images.as_slice_mut();
@@ -62,10 +62,10 @@ impl Encoder {
 }
 
 fn fill(out: &mut [f32], channels: usize, scene: &Scene, black: bool) {
-    let colors = scene.picture.image.chunks_exact(3);
+    let colors = scene.image.pixels.chunks_exact(3);
     for (p, (pixel, color)) in out.chunks_exact_mut(channels).zip(colors).enumerate() {
         // Pictures are white around the object, by the share of it in each pixel.
-        let white = if black { 255 - scene.picture.mask[p] } else { 0 };
+        let white = if black { 255 - scene.image.mask[p] } else { 0 };
         for c in 0..channels {
             let value = match color.get(c) {
                 Some(&byte) => f32::from(byte.saturating_sub(white)) / 255.0,

@@ -1,5 +1,7 @@
 //! Depth as a network is given it: a channel of 0 to 1, nearer is larger, 0 where nothing is known.
 
+use mesh_core::{MedianOfEven, median};
+
 /// What lies between `near` and `far`, linear in one over the depth as the volume's cells are.
 pub(super) fn of_depth(depth: &[f32], [near, far]: [f32; 2]) -> Vec<f32> {
     let (low, high) = (far.recip(), near.recip());
@@ -36,12 +38,10 @@ pub(super) fn of_disparity(disparity: &[f32], object: &[bool], raw: bool) -> Vec
 /// Values less their median over the pixels that count, over their mean distance from it; `+∞` stays.
 pub(super) fn standard(values: &[f32], counts: &[bool]) -> Vec<f32> {
     let counted = values.iter().zip(counts).filter(|(v, c)| **c && v.is_finite());
-    let mut counted: Vec<f32> = counted.map(|(v, _)| *v).collect();
-    if counted.is_empty() {
+    let counted: Vec<f32> = counted.map(|(v, _)| *v).collect();
+    let Some(median) = median(counted.iter().copied(), MedianOfEven::Lower) else {
         return values.to_vec();
-    }
-    let middle = (counted.len() - 1) / 2;
-    let median = *counted.select_nth_unstable_by(middle, f32::total_cmp).1;
+    };
     let spread = counted.iter().map(|v| (v - median).abs()).sum::<f32>() / counted.len() as f32;
     let factor = if spread > 0.0 { spread.recip() } else { 1.0 };
     let value = |&v: &f32| if v.is_finite() { (v - median) * factor } else { v };
@@ -51,9 +51,7 @@ pub(super) fn standard(values: &[f32], counts: &[bool]) -> Vec<f32> {
 /// The median of depth over the object's pixels that have one.
 pub(super) fn median_depth(depth: &[f32], object: impl Iterator<Item = bool>) -> Option<f32> {
     let known = depth.iter().copied().zip(object).filter(|(z, o)| *o && z.is_finite() && *z > 0.0);
-    let mut known: Vec<f32> = known.map(|(z, _)| z).collect();
-    let middle = known.len() / 2;
-    (!known.is_empty()).then(|| *known.select_nth_unstable_by(middle, f32::total_cmp).1)
+    median(known.map(|(z, _)| z), MedianOfEven::Upper)
 }
 
 #[cfg(test)]

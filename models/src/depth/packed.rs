@@ -42,10 +42,7 @@ impl Shape {
 
     /// Its faces as the rasteriser takes them.
     pub fn drawn(&self) -> &Arc<Faces> {
-        self.drawn.get_or_init(|| {
-            let faces = Faces::new(self.vertices(), &self.faces);
-            Arc::new(faces.expect("faces name vertices: the topology was made of them"))
-        })
+        self.drawn.get_or_init(|| Faces::of_valid(self.vertices(), &self.faces))
     }
 }
 

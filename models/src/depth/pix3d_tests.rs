@@ -47,9 +47,9 @@ fn fixture(folder: &Path) {
         let views = render_views(&model(i), &cameras, &options, &|_, _| ()).unwrap();
         for (k, view) in views.iter().enumerate() {
             let [img, mask] = ["img", "mask"].map(|kind| format!("{kind}/chair/{i}{k}.png"));
-            for (name, picture) in [(&img, &view.color), (&mask, &view.mask)] {
+            for (name, image) in [(&img, &view.color), (&mask, &view.mask)] {
                 std::fs::create_dir_all(folder.join(name).parent().unwrap()).unwrap();
-                std::fs::write(folder.join(name), encode_png(picture)).unwrap();
+                std::fs::write(folder.join(name), encode_png(image)).unwrap();
             }
             let [top, left, height, width] = view.mask_bounds().unwrap();
             let pose = view.camera.to_pytorch3d_screen().unwrap();
@@ -107,7 +107,7 @@ fn photographs_are_cut_to_their_boxes_and_trained_on() {
     for k in 0..2 {
         let (object, scene) = data.trial(Subset::Test, 2, k).unwrap();
         // The object fills the image but for the margin, wherever it was in the photograph.
-        let inside: Vec<usize> = (0..1024).filter(|&p| scene.picture.mask[p] > 127).collect();
+        let inside: Vec<usize> = (0..1024).filter(|&p| scene.image.mask[p] > 127).collect();
         let columns = || inside.iter().map(|p| p % 32);
         let rows = || inside.iter().map(|p| p / 32);
         let wide = columns().max().unwrap() - columns().min().unwrap() + 1;

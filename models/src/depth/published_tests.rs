@@ -148,7 +148,7 @@ fn the_background_is_black_as_published() {
     };
     let ((black, scene), (white, _)) = (of("true"), of("false"));
     let pairs = black.as_slice().chunks_exact(4).zip(white.as_slice().chunks_exact(4));
-    for ((black, white), &mask) in pairs.zip(&scene.picture.mask) {
+    for ((black, white), &mask) in pairs.zip(&scene.image.mask) {
         match mask {
             0 => {
                 let expected = [(0.0 - 0.485) / 0.229, (1.0 - 0.485) / 0.229];

@@ -20,13 +20,13 @@ use super::encoder::Encoder;
 use super::mesh_init::{MeshInit, tetrahedra};
 use super::packed::Packed;
 use super::places::published_places;
-use super::rendered::{Wanted, depth_difference, draw, picture_difference};
+use super::rendered::{Wanted, depth_difference, draw, pixel_difference};
 use super::residuals::depth_residuals;
 use super::scenes::{Scene, Scenes};
 use super::stage_meshes::{StageMeshes, divided, mesh, moved};
 use super::surface::{SurfaceTerms, Truth, color_difference, compared, roughness};
 use crate::instance::Instance;
-use crate::paired::Picture;
+use crate::paired::InputImage;
 use crate::predict::{PredictInput, Prediction};
 use crate::stacked::stacked;
 
@@ -99,7 +99,7 @@ impl<B: MeshInit> Refined<B> {
         scenes: &[&Scene],
         random: Option<u64>,
     ) -> Forward<'t> {
-        let lenses = scenes.iter().map(|scene| &scene.picture.lens[..]);
+        let lenses = scenes.iter().map(|scene| &scene.image.lens[..]);
         let cameras = stacked(tape, lenses, &[scenes.len(), 3, 4]);
         let maps = tape.scope("encoder", || self.encoder.maps(tape, scenes));
         let initial = self.mesh_init.init(maps[3], scenes);
@@ -164,14 +164,14 @@ impl<B: MeshInit> Refined<B> {
     pub(crate) fn scene(&self, views: &[View]) -> Result<Scene, PredictError> {
         let view = views.first().ok_or(PredictError::NoView)?;
         let (config, pairs) = (self.refine(), &self.refine().pairs);
-        let picture = Picture::new(view, pairs.image_size, pairs.scale)?;
-        if config.inputs() == 4 && picture.depth.is_none() {
+        let image = InputImage::new(view, pairs.image_size, pairs.scale)?;
+        if config.inputs() == 4 && image.depth.is_none() {
             let remedy = "this network was trained with depth, which --depth gives";
             return Err(PredictError::Missing { what: "depth", remedy });
         }
-        let depth_targets = DepthTargets::new(&picture, Known::Given, config, 0);
+        let depth_targets = DepthTargets::new(&image, Known::Given, config, 0);
         Ok(Scene {
-            picture: Arc::new(picture),
+            image: Arc::new(image),
             depth_targets: Arc::new(depth_targets),
             truth: SurfacePoints::default(),
             colors: Vec::new(),
@@ -227,10 +227,7 @@ impl<B: MeshInit> Refined<B> {
         };
         let (cameras, side) = (forward.cameras, config.pairs.image_size);
         let drawn = draw(&self.scratch, &last.packed, last.positions, cameras, side, wanted);
-        (
-            depth.then(|| depth_difference(&drawn, scenes, config)),
-            picture_difference(&drawn, scenes),
-        )
+        (depth.then(|| depth_difference(&drawn, scenes, config)), pixel_difference(&drawn, scenes))
     }
 }
 
@@ -359,7 +356,7 @@ impl<B: MeshInit> System for Refined<B> {
     }
 
     fn name_of(sample: &Scene) -> String {
-        sample.picture.name.clone()
+        sample.image.name.clone()
     }
 
     fn loss<'t>(
@@ -415,7 +412,7 @@ impl<B: MeshInit> Instance<Scenes, Scene> for Refined<B> {
         let random = random.then(|| Draw::for_loss(self.seed, at, TETRAHEDRA));
         let forward = self.forward_from(tape, &scenes, random);
         let (surface, color) = self.surface_loss(&forward, &scenes, at);
-        let (depth, picture) = self.drawn_loss(&forward, &scenes);
+        let (depth, image) = self.drawn_loss(&forward, &scenes);
         let zero = || tape.constant(arr0(0.0));
         let mut terms = Terms::new().with("chamfer", config.chamfer_weight, surface.chamfer);
         if let Some(logits) = forward.logits {
@@ -435,7 +432,7 @@ impl<B: MeshInit> Instance<Scenes, Scene> for Refined<B> {
             terms = terms.with("color", config.color_weight, color.unwrap_or_else(zero)).with(
                 "picture",
                 config.color_weight,
-                picture.unwrap_or_else(zero),
+                image.unwrap_or_else(zero),
             );
         }
         Ok(terms)

@@ -141,7 +141,7 @@ pub(super) fn depth_difference<'t>(
 /// the measure of depth errors: against that stands the Chamfer distance.
 fn uncovered<'t>(silhouette: Var<'t>, scenes: &[&Scene]) -> Var<'t> {
     let weights = images(silhouette.tape(), scenes, |scene| {
-        let mask = &scene.picture.mask;
+        let mask = &scene.image.mask;
         let total: f32 = mask.iter().map(|&m| f32::from(m)).sum();
         let share = (total.max(1.0) * scenes.len() as f32).recip();
         mask.iter().map(|&m| share * f32::from(m)).collect()
@@ -150,13 +150,13 @@ fn uncovered<'t>(silhouette: Var<'t>, scenes: &[&Scene]) -> Var<'t> {
 }
 
 /// The mean absolute difference of rendered colours from the image, where both show the object.
-pub(super) fn picture_difference<'t>(drawn: &Drawn<'t>, scenes: &[&Scene]) -> Option<Var<'t>> {
+pub(super) fn pixel_difference<'t>(drawn: &Drawn<'t>, scenes: &[&Scene]) -> Option<Var<'t>> {
     let image = drawn.image?;
     let tape = image.tape();
     let [n, side, _, _] = image.dims();
-    let pictures = scenes.iter().map(|scene| &scene.picture.image[..]);
-    let target = stacked(tape, pictures, &[n, side, side, 3]);
-    let object = scenes.iter().flat_map(|scene| scene.picture.mask.iter());
+    let pixels = scenes.iter().map(|scene| &scene.image.pixels[..]);
+    let target = stacked(tape, pixels, &[n, side, side, 3]);
+    let object = scenes.iter().flat_map(|scene| scene.image.mask.iter());
     let both: Vec<f32> = drawn
         .covered
         .iter()
@@ -183,7 +183,7 @@ fn floats(bits: &[bool]) -> Vec<f32> {
 }
 
 fn images<'t>(tape: &'t Tape, scenes: &[&Scene], of: impl Fn(&Scene) -> Vec<f32>) -> Var<'t> {
-    let side = scenes[0].picture.camera.width;
+    let side = scenes[0].image.camera.width;
     let parts: Vec<f32> = scenes.iter().flat_map(|scene| of(scene)).collect();
     let array = Array3::from_shape_vec((scenes.len(), side, side), parts);
     tape.constant(array.expect("every scene has an image of this side"))

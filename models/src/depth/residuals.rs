@@ -42,7 +42,7 @@ pub(super) fn depth_residuals<'t>(
 
 /// `[N, S, S, 1]`, the outline; or `[N, S, S, 3]`: then whether depth is known, and depth, -1 near to 1 far, where it is.
 fn maps<'t>(tape: &'t Tape, scenes: &[&Scene], columns: usize, blind: bool) -> Var<'t> {
-    let side = scenes[0].picture.camera.width;
+    let side = scenes[0].image.camera.width;
     let mut map = tape.array(&[scenes.len(), side, side, columns]);
     let values = map.as_slice_mut();
     values.fill(0.0);

@@ -12,7 +12,7 @@ use train::{DataError, Source, Subset};
 use super::boxes::Boxes;
 use super::config::RefineConfig;
 use super::depth_targets::{DepthTargets, Known};
-use crate::paired::{Pairs, PairsConfig, Picture, Surface, placed, some};
+use crate::paired::{InputImage, Pairs, PairsConfig, Surface, placed, some};
 use crate::view_cache::Kept;
 
 /// Bytes of targets that are kept at most; what is beyond is made again each time.
@@ -22,7 +22,7 @@ const BUDGET: usize = 3 << 30;
 #[derive(Clone, Debug)]
 pub struct Scene {
     /// What the network sees.
-    pub picture: Arc<Picture>,
+    pub image: Arc<InputImage>,
     /// Depth and cells.
     pub depth_targets: Arc<DepthTargets>,
     /// Points of the true surface in the frame of the camera; empty where nothing is known of it.
@@ -136,13 +136,13 @@ impl Scenes {
         surface: &Surface,
         chosen: &[usize],
     ) -> Result<Scene, DataError> {
-        let picture = self.pairs.picture(place[0], place[1])?;
-        let depth_targets = self.depth_targets(place, &picture)?;
+        let image = self.pairs.image(place[0], place[1])?;
+        let depth_targets = self.depth_targets(place, &image)?;
         let truth = placed(&depth_targets.frame, &surface.points, chosen);
         let colored = surface.colors.len() == surface.points.positions.len();
         let colors =
             if colored { chosen.iter().map(|&i| surface.colors[i]).collect() } else { Vec::new() };
-        Ok(Scene { picture, depth_targets, truth, colors })
+        Ok(Scene { image, depth_targets, truth, colors })
     }
 
     /// The true mesh of an object, in the world.
@@ -163,7 +163,7 @@ impl Scenes {
     fn depth_targets(
         &self,
         place: [usize; 2],
-        picture: &Picture,
+        image: &InputImage,
     ) -> Result<Arc<DepthTargets>, DataError> {
         if let Some(depth_targets) = self.kept.get(place) {
             return Ok(depth_targets);
@@ -175,7 +175,7 @@ impl Scenes {
         let object = self.pairs.identity(object) << 20;
         let seed = object ^ view as u64 ^ (self.config.pairs.data_seed() << 44);
         let known = Known::Surface(mesh, seed);
-        let depth_targets = Arc::new(DepthTargets::new(picture, known, &self.config, self.cells));
+        let depth_targets = Arc::new(DepthTargets::new(image, known, &self.config, self.cells));
         self.kept.keep(place, &depth_targets);
         Ok(depth_targets)
     }
@@ -190,7 +190,7 @@ impl Scenes {
         }
         let targets = self.pairs.trained().iter().enumerate().map(|(i, &object)| {
             let view = i % self.pairs.views(object);
-            self.depth_targets([object, view], &*self.pairs.picture(object, view)?)
+            self.depth_targets([object, view], &*self.pairs.image(object, view)?)
         });
         let targets = targets.collect::<Result<Vec<_>, DataError>>()?;
         let mut shares = vec![0.0; self.cells.pow(3)];

@@ -1,8 +1,7 @@
 //! Scores on what was not trained on, and what there is to show of them.
 
 use losses::metrics::{DepthError, Preset, depth_error, evaluate, point_distances};
-use mesh_core::{DepthMap, Image, TriMesh};
-use rayon::prelude::*;
+use mesh_core::{ByteImage, DepthMap, Image, TriMesh};
 use train::report::ViewPair;
 use train::{Better, DataError, Metric, Subset};
 
@@ -10,8 +9,8 @@ use super::depth_targets::rendered;
 use super::mesh_init::MeshInit;
 use super::refined::Refined;
 use super::scenes::{Scene, Scenes, overlap};
-use crate::paired::picture_above;
-use crate::parts::mean_metric;
+use crate::paired::mesh_above_image;
+use crate::parts::{mean_metric, of_all};
 use crate::quality::Quality;
 
 /// Objects shown together.
@@ -142,8 +141,7 @@ impl Scored {
             Ok((object, of(&scene, &truth)?))
         };
         let count = data.pairs().trials(subset, views)?;
-        let all: Vec<_> = (0..count).into_par_iter().map(one).collect();
-        let each: Vec<(usize, Score)> = all.into_iter().collect::<Result<_, _>>()?;
+        let each: Vec<(usize, Score)> = of_all(count, one)?;
         let names = each.iter().map(|(object, _)| data.pairs().object_name(*object)).collect();
         Ok(Self { each, names })
     }
@@ -201,8 +199,8 @@ impl<B: MeshInit> Refined<B> {
             let frame = &scene.depth_targets.frame;
             let (mesh, _) = self.mesh_of(&scene);
             let scores = distances(&mesh, &frame.mesh_placed(truth), frame.scale());
-            let caption = format!("{}: Chamfer {:.3}", scene.picture.name, scores.chamfer);
-            Ok(picture_above(&scene.picture, &frame.mesh_in_world(mesh), caption))
+            let caption = format!("{}: Chamfer {:.3}", scene.image.name, scores.chamfer);
+            Ok(mesh_above_image(&scene.image, &frame.mesh_in_world(mesh), caption))
         };
         (0..shown).map(one).collect()
     }
@@ -228,11 +226,11 @@ pub(super) fn distances(mesh: &TriMesh, truth: &TriMesh, scale: f64) -> Score {
 
 /// At the image's camera, over the pixels of its mask.
 pub(super) fn depth_of(mesh: &TriMesh, scene: &Scene) -> Option<DepthError> {
-    let side = scene.picture.camera.width;
+    let side = scene.image.camera.width;
     let map = |data: Vec<f32>| DepthMap { height: side, width: side, data };
-    let data = scene.picture.mask.iter().map(|&m| f32::from(m) / 255.0).collect();
-    let mask = Image { height: side, width: side, channels: 1, data };
-    let found = map(rendered(mesh, &scene.picture));
+    let data = scene.image.mask.clone();
+    let mask = Image::from(&ByteImage { height: side, width: side, channels: 1, data });
+    let found = map(rendered(mesh, &scene.image));
     let known = map(scene.depth_targets.depth.clone());
     depth_error(&found, &known, &mask, PENALTY)
 }

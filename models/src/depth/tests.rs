@@ -242,7 +242,7 @@ fn the_truth_scores_perfectly_and_a_grid_of_it_nearly() {
     assert!((0.05..0.2).contains(&depth.mean), "{}", depth.mean);
 
     // The cells' own surface lies around the object.
-    let volume = scene.depth_targets.volume(&scene.picture);
+    let volume = scene.depth_targets.volume(&scene.image);
     let values: Vec<f32> =
         scene.depth_targets.cells.iter().map(|&o| f32::from(u8::from(o))).collect();
     let bounds = mesh_core::CameraVolume::CUBE;
@@ -289,10 +289,10 @@ fn depth_channels_are_of_their_kind() {
     };
     let (none, real) = (of(DepthKind::None, false), of(DepthKind::True, false));
     let (guess, raw) = (of(DepthKind::Estimated, false), of(DepthKind::Estimated, true));
-    assert_eq!(none.picture.image, guess.picture.image);
+    assert_eq!(none.image.pixels, guess.image.pixels);
     assert_eq!(none.depth_targets.depth, guess.depth_targets.depth);
     assert!(none.depth_targets.channel.is_empty());
-    let object: Vec<bool> = none.picture.mask.iter().map(|&m| m > 127).collect();
+    let object: Vec<bool> = none.image.mask.iter().map(|&m| m > 127).collect();
     let outside = |scene: &Scene| -> f32 {
         let pairs = scene.depth_targets.channel.iter().zip(&object);
         pairs.filter(|(_, o)| !**o).map(|(c, _)| *c).fold(0.0, f32::max)
@@ -340,7 +340,7 @@ fn rendered_depth_is_compared_as_it_says() {
         let rows: Vec<f32> = truth.positions.as_flattened().iter().map(|x| times * x).collect();
         let rows = ndarray::Array3::from_shape_vec((1, packed.vertices(), 3), rows).unwrap();
         let positions = tape.leaf(rows);
-        let lens = ndarray::Array3::from_shape_vec((1, 3, 4), scene.picture.lens.to_vec()).unwrap();
+        let lens = ndarray::Array3::from_shape_vec((1, 3, 4), scene.image.lens.to_vec()).unwrap();
         let wanted = Wanted { silhouette: coverage > 0.0, colors: None };
         let lens = tape.constant(lens);
         let drawn = draw(&Scratch::default(), &packed, positions, lens, 32, wanted);
@@ -392,7 +392,7 @@ fn controls_are_what_they_say() {
     let config = SphereConfig { refine: RefineConfig { blind: true, ..refine() }, ..sphere() };
     let data = Scenes::synthetic(&config.refine, 0).unwrap();
     let [a, b] = [0, 1].map(|view| data.trial(train::Subset::Test, 2, view).unwrap().1);
-    assert_ne!(a.picture.image, b.picture.image);
+    assert_ne!(a.image.pixels, b.image.pixels);
     let images = |config: &SphereConfig| {
         let encoder = super::encoder::Encoder::new(&nets::Init::new(0), &config.refine);
         encoder.images(&Tape::eval(), &[&a, &b])
@@ -432,7 +432,7 @@ fn residuals_are_zero_on_the_surface_that_is_seen() {
     let scenes = Scenes::synthetic(&config, 0).unwrap();
     let (_, scene) = scenes.trial(train::Subset::Train, 1, 0).unwrap();
     let side = 32;
-    let (channel, mask) = (&scene.depth_targets.channel, &scene.picture.mask);
+    let (channel, mask) = (&scene.depth_targets.channel, &scene.image.mask);
     // All around seen, so that nothing is mixed in.
     let inside = |p: &usize| {
         let (i, j) = (p / side, p % side);

@@ -160,7 +160,7 @@ impl MeshInit for Voxels {
             let surface = cubify(&grid, EmptyGrid::CentralBlock);
             let surface = if self.manifold { surface.split_nonmanifold() } else { surface };
             let surface = if self.corner_aligned { to_corners(cells, surface) } else { surface };
-            let mesh = scene.depth_targets.volume(&scene.picture).to_world(surface);
+            let mesh = scene.depth_targets.volume(&scene.image).to_world(surface);
             shapes.push(Arc::new(Shape::of(&mesh)));
             rows.extend_from_slice(mesh.positions.as_flattened());
         }

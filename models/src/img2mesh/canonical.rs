@@ -9,14 +9,14 @@ use std::f64::consts::TAU;
 use datasets::View;
 use mesh_core::nalgebra::{Matrix3, Rotation3, SimilarityMatrix3, Vector3};
 use mesh_core::{Camera, TriMesh, UpAxis};
-use recon::fit::cones;
+use recon::fit::bounding_sphere;
 
 use crate::predict::Detail;
 use crate::square::square;
 
 /// Turns about the vertical that are tried.
 const TURNS: usize = 8;
-/// Radius of an object's ball beside that of the widest one that was learned from: of the shipped weights' families from 0.6
+/// Radius of an object's sphere beside that of the widest one that was learned from: of the shipped weights' families from 0.6
 /// (airplanes, thin in most views) to 1.
 const USUAL: f64 = 0.8;
 /// Sizes that are tried beside the usual one, after the turn is found.
@@ -31,17 +31,17 @@ const MARGIN: f64 = 1.5;
 
 /// Where an object is: what of all cameras' lines of sight through its masks comes nearest, and how wide it is there.
 #[derive(Clone, Copy, Debug)]
-struct Ball {
+struct Sphere {
     center: Vector3<f64>,
     radius: f64,
 }
 
-impl Ball {
+impl Sphere {
     /// `None` where no view shows the object. Of a single view, or of some along one line, the distance is open: the object is
     /// then as near to the world's origin as its line of sight comes, or one unit away if the camera stands there.
     fn of(views: &[View]) -> Option<Self> {
         let all: Vec<&View> = views.iter().collect();
-        if let Ok((center, radius)) = cones(&all) {
+        if let Ok((center, radius)) = bounding_sphere(&all) {
             return Some(Self { center: center.into(), radius });
         }
         views.iter().find_map(|view| {
@@ -60,7 +60,7 @@ impl Ball {
 /// The frame of a model: the middle and the radius of the widest object that it learned from, upright along +Y.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Canonical {
-    ball: Ball,
+    sphere: Sphere,
 }
 
 /// How another world is moved into the frame of a model.
@@ -86,14 +86,14 @@ pub(super) struct Tried {
 impl Canonical {
     /// From centre and scale.
     pub(super) fn new([x, y, z, radius]: [f64; 4]) -> Self {
-        Self { ball: Ball { center: Vector3::new(x, y, z), radius } }
+        Self { sphere: Sphere { center: Vector3::new(x, y, z), radius } }
     }
 
     /// Whether an object stands and is as large as those that were learned from, as far as views say.
     pub(super) fn holds(&self, views: &[View]) -> bool {
-        let Some(found) = Ball::of(views) else { return true };
-        let beside = (found.center - self.ball.center).norm() / self.ball.radius;
-        let larger = found.radius / self.ball.radius;
+        let Some(found) = Sphere::of(views) else { return true };
+        let beside = (found.center - self.sphere.center).norm() / self.sphere.radius;
+        let larger = found.radius / self.sphere.radius;
         let upright = UpAxis::of_cameras(views.iter().map(|view| &view.camera)) == UpAxis::Y;
         beside <= BESIDE && (SMALLER..=LARGER).contains(&larger) && upright
     }
@@ -104,7 +104,7 @@ impl Canonical {
         let side = |quarters: f64| {
             let turn = quarters * 0.25 * TAU;
             let rotation = Rotation3::from_axis_angle(&Vector3::y_axis(), turn);
-            let shift = self.ball.center - rotation * self.ball.center;
+            let shift = self.sphere.center - rotation * self.sphere.center;
             let similarity = SimilarityMatrix3::from_parts(shift.into(), rotation, 1.0);
             tried(Placed { similarity, up: UpAxis::Y, turn }, &judged)
         };
@@ -118,7 +118,7 @@ impl Canonical {
         views: &[View],
         judged: impl Fn(&Placed) -> (TriMesh, f64),
     ) -> Option<Tried> {
-        let found = Ball::of(views)?;
+        let found = Sphere::of(views)?;
         let up = UpAxis::of_cameras(views.iter().map(|view| &view.camera));
         let one = |turn: f64, size: f64| tried(self.placed(found, (up, turn), size), &judged);
         let mut best = one(0.0, 1.0);
@@ -132,13 +132,13 @@ impl Canonical {
         Some(best)
     }
 
-    /// A ball brought to the middle, upright, turned, and to a size beside the usual one.
-    fn placed(&self, found: Ball, (up, turn): (UpAxis, f64), size: f64) -> Placed {
-        let scale = size * USUAL * self.ball.radius / found.radius;
+    /// A sphere brought to the middle, upright, turned, and to a size beside the usual one.
+    fn placed(&self, found: Sphere, (up, turn): (UpAxis, f64), size: f64) -> Placed {
+        let scale = size * USUAL * self.sphere.radius / found.radius;
         let rotation = Rotation3::from_axis_angle(&Vector3::y_axis(), turn)
             * Rotation3::from_matrix_unchecked(upright(up));
         // p -> s R (p - c) + c'
-        let shift = self.ball.center - scale * (rotation * found.center);
+        let shift = self.sphere.center - scale * (rotation * found.center);
         let similarity = SimilarityMatrix3::from_parts(shift.into(), rotation, scale);
         Placed { similarity, up, turn }
     }

@@ -7,8 +7,7 @@ use mesh_core::TriMesh;
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
-use rayon::prelude::*;
-use recon::fit::cones;
+use recon::fit::bounding_sphere;
 use synth::shapes::AlarmClock;
 use synth::{Orbit, Procedural, RenderOptions, families_named, render_views};
 use train::{DataError, DataSummary, Fingerprint, Subset};
@@ -89,9 +88,8 @@ impl Data {
         let parts = Subsets::of_views(views.len(), &views.test, config.hold_out);
         let fitted: Vec<&View> = parts.train.iter().map(|&i| &views.views[i]).collect();
         let frame = frame_of(&[fitted]);
-        let prepared: Vec<Result<Prepared, DataError>> =
-            views.views.par_iter().map(|view| Prepared::new(view, config)).collect();
-        let prepared = prepared.into_iter().map(|p| p.map(Arc::new)).collect::<Result<_, _>>()?;
+        let prepared =
+            parts::of_all(views.len(), |i| Ok(Arc::new(Prepared::new(&views.views[i], config)?)))?;
         let hash = hashed(Fingerprint::new(), &views.views).value();
         let name = views.source.file_name().unwrap_or(views.source.as_os_str());
         let objects = Objects::One(name.to_string_lossy().into_owned(), prepared);
@@ -314,7 +312,7 @@ fn tried(cache: &ViewCache<Prepared>, object: usize, draw: usize, views: usize) 
 fn frame_of(objects: &[Vec<&View>]) -> Result<[f64; 4], String> {
     let mut frame = [0.0; 4];
     for views in objects {
-        let (center, radius) = cones(views).map_err(|error| error.to_string())?;
+        let (center, radius) = bounding_sphere(views).map_err(|error| error.to_string())?;
         for k in 0..3 {
             frame[k] += center[k] / objects.len() as f64;
         }

@@ -36,7 +36,7 @@ impl FeatureCache {
         let kept = self.0.lock().unwrap_or_else(PoisonError::into_inner).get(&view.key).cloned();
         kept.unwrap_or_else(|| {
             let tape = Tape::eval();
-            let images = super::pictures(&tape, side, std::slice::from_ref(view));
+            let images = super::image_tensor(&tape, side, std::slice::from_ref(view));
             let features = model.encode(images).value();
             let row = Arc::from(features.as_slice());
             self.keep(view.key, &row);

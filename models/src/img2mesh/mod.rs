@@ -143,7 +143,7 @@ impl Img2Mesh {
         n: usize,
         views: &[Arc<Prepared>],
     ) -> Vec<Meshes<'t>> {
-        let images = pictures(tape, self.config.image_size, views);
+        let images = image_tensor(tape, self.config.image_size, views);
         let (maps, features) = self.model.encode_maps(images);
         let cameras = self.cameras(tape, views, &[views.len(), 3, 4]);
         let code = self.model.code(n, features, cameras.reshape(&[views.len(), 12]));
@@ -381,7 +381,7 @@ impl System for Img2Mesh {
 }
 
 /// Images for the encoder: `[M, S, S, 3]`.
-fn pictures<'t>(tape: &'t Tape, side: usize, views: &[Arc<Prepared>]) -> Var<'t> {
+fn image_tensor<'t>(tape: &'t Tape, side: usize, views: &[Arc<Prepared>]) -> Var<'t> {
     let images = views.iter().map(|view| &view.image[..]);
     stacked(tape, images, &[views.len(), side, side, 3])
 }

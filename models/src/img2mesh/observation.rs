@@ -3,6 +3,7 @@
 use autodiff_lite::{Tape, Var};
 use diff_raster::NONE;
 use mesh_core::nalgebra::{Matrix3, Vector3};
+use mesh_core::vector::{affine, norm};
 use mesh_core::vertex_normals;
 use rayon::prelude::*;
 
@@ -67,13 +68,13 @@ pub(super) fn observe<'t>(
     rows.enumerate().for_each(|(i, ((points, signals), colors))| {
         let pixels = i * pixels..(i + 1) * pixels;
         let surface = (&fragments.depth[pixels.clone()], &fragments.face[pixels]);
-        let eye = Eye::new(views[i], &cameras[i], surface);
+        let sampler = ViewSampler::new(views[i], &cameras[i], surface);
         let rows = points.as_chunks_mut::<2>().0.iter_mut();
         let rows = rows.zip(signals.as_chunks_mut::<SIGNALS>().0);
         let rows = rows.zip(colors.as_chunks_mut::<3>().0);
         let vertices = positions[i / k].iter().zip(&normals[i / k]);
         for (((point, signals), color), (&p, &normal)) in rows.zip(vertices) {
-            (*point, *signals, *color) = eye.sees(p, normal);
+            (*point, *signals, *color) = sampler.sample(p, normal);
         }
     });
     let mut places = tape.array(&[n, v, 6]);
@@ -89,8 +90,8 @@ pub(super) fn observe<'t>(
     Observations { points, signals, colors, places }
 }
 
-/// A view, and the depth of the mesh in it.
-struct Eye<'a> {
+/// Samples a view where vertices are projected into it, knowing the depth of the mesh there.
+struct ViewSampler<'a> {
     view: &'a Prepared,
     rows: [[f32; 4]; 3],
     center: [f32; 3],
@@ -101,7 +102,7 @@ struct Eye<'a> {
     side: usize,
 }
 
-impl<'a> Eye<'a> {
+impl<'a> ViewSampler<'a> {
     fn new(view: &'a Prepared, camera: &[f32; 12], surface: (&'a [f32], &'a [u32])) -> Self {
         let rows: [[f32; 4]; 3] =
             std::array::from_fn(|i| std::array::from_fn(|j| camera[4 * i + j]));
@@ -110,23 +111,23 @@ impl<'a> Eye<'a> {
     }
 
     /// Point, signals and colour.
-    fn sees(&self, p: [f32; 3], normal: [f32; 3]) -> ([f32; 2], [f32; SIGNALS], [f32; 3]) {
-        let [a, b, w] = self.rows.map(|m| m[0] * p[0] + m[1] * p[1] + m[2] * p[2] + m[3]);
+    fn sample(&self, p: [f32; 3], normal: [f32; 3]) -> ([f32; 2], [f32; SIGNALS], [f32; 3]) {
+        let [a, b, w] = affine(&self.rows, p);
         let w = w.max(1e-3);
         let (x, y) = ((a / w).clamp(-4.0, 4.0), (b / w).clamp(-4.0, 4.0));
-        let (distance, slope) = self.outline(x, y);
-        // How the distance changes with the vertex: by the slope in the image, through the projection.
+        let (distance, gradient) = self.outline(x, y);
+        // How the distance changes with the vertex: by the gradient in the image, through the projection.
         let along: [f32; 3] = std::array::from_fn(|j| {
             let [m, n, o] = [self.rows[0][j], self.rows[1][j], self.rows[2][j]];
-            (slope[0] * (m - x * o) + slope[1] * (n - y * o)) / w
+            (gradient[0] * (m - x * o) + gradient[1] * (n - y * o)) / w
         });
-        let steep = length(along).max(1e-6);
+        let steep = norm(along).max(1e-6);
         let uphill = along.map(|g| g / steep);
         let step = (-distance / steep).clamp(-LONGEST, LONGEST);
-        let to_eye: [f32; 3] = std::array::from_fn(|j| self.center[j] - p[j]);
-        let far = length(to_eye).max(1e-6);
-        let to_eye = to_eye.map(|d| d / far);
-        let facing: f32 = (0..3).map(|j| to_eye[j] * normal[j]).sum();
+        let to_camera: [f32; 3] = std::array::from_fn(|j| self.center[j] - p[j]);
+        let far = norm(to_camera).max(1e-6);
+        let to_camera = to_camera.map(|d| d / far);
+        let facing: f32 = (0..3).map(|j| to_camera[j] * normal[j]).sum();
         let color = self.color(x, y);
         let mut signals = [0.0; SIGNALS];
         let seen = f32::from(self.visible(x, y, w));
@@ -134,13 +135,13 @@ impl<'a> Eye<'a> {
         signals[..5].copy_from_slice(&[x, -y, w - self.middle, bounded, distance]);
         signals[5..8].copy_from_slice(&uphill);
         signals[8..11].copy_from_slice(&uphill.map(|u| u * step));
-        signals[11..14].copy_from_slice(&to_eye);
+        signals[11..14].copy_from_slice(&to_camera);
         (signals[FACING], signals[VISIBLE]) = (facing, seen);
         signals[16..].copy_from_slice(&color);
         ([x, -y], signals, color)
     }
 
-    /// Distance to the mask's outline in halves of the image's side, and its slope in x (right) and y (up).
+    /// Distance to the mask's outline in halves of the image's side, and its gradient in x (right) and y (up).
     fn outline(&self, x: f32, y: f32) -> (f32, [f32; 2]) {
         let side = self.view.mask.len().isqrt();
         let unit = 2.0 / side as f32;
@@ -148,10 +149,10 @@ impl<'a> Eye<'a> {
             bilinear(side, x, y, |i| f32::from(self.view.outline[i])) * unit
                 / Prepared::OUTLINE_STEPS
         };
-        let slope = [at(x + unit, y) - at(x - unit, y), at(x, y + unit) - at(x, y - unit)];
+        let gradient = [at(x + unit, y) - at(x - unit, y), at(x, y + unit) - at(x, y - unit)];
         // Beyond the image it is as far again as to its border.
         let beyond = (x.abs() - 1.0).max(0.0).hypot((y.abs() - 1.0).max(0.0));
-        (at(x, y) + beyond, slope.map(|d| d / (2.0 * unit)))
+        (at(x, y) + beyond, gradient.map(|d| d / (2.0 * unit)))
     }
 
     fn color(&self, x: f32, y: f32) -> [f32; 3] {
@@ -194,10 +195,6 @@ fn center(rows: &[[f32; 4]; 3]) -> [f32; 3] {
     // A pinhole's matrix has an inverse; of one that has none, nowhere is as good as anywhere.
     let inverse = part.try_inverse().unwrap_or_default();
     (-(inverse * shift)).map(|x| x as f32).into()
-}
-
-fn length(v: [f32; 3]) -> f32 {
-    v.iter().map(|x| x * x).sum::<f32>().sqrt()
 }
 
 #[cfg(test)]
@@ -302,8 +299,7 @@ mod tests {
             let rows: [[f32; 4]; 3] =
                 std::array::from_fn(|i| std::array::from_fn(|j| camera[4 * i + j]));
             let c = center(&rows);
-            for m in rows {
-                let zero = m[0] * c[0] + m[1] * c[1] + m[2] * c[2] + m[3];
+            for zero in affine(&rows, c) {
                 assert!(zero.abs() < 1e-4, "{zero}");
             }
         }

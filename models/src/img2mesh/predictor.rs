@@ -11,7 +11,7 @@ use train::{DataError, PredictError, Subset};
 
 use super::canonical::{Canonical, Placed, Tried, around_the_object};
 use super::prepared::Prepared;
-use super::{Data, Img2Mesh, Img2MeshConfig, pictures};
+use super::{Data, Img2Mesh, Img2MeshConfig, image_tensor};
 use crate::parts::of_each;
 use crate::predict::{Features, PredictInput, Prediction, Predictor, Sighting};
 
@@ -123,7 +123,8 @@ impl Img2Mesh {
     /// What the encoder says of each view, whatever its camera.
     fn features(&self, views: &[Arc<Prepared>]) -> Features {
         let tape = Tape::eval();
-        let features = self.model.encode(pictures(&tape, self.config.image_size, views)).value();
+        let features =
+            self.model.encode(image_tensor(&tape, self.config.image_size, views)).value();
         features.as_slice().chunks(self.config.width()).map(<[f32]>::to_vec).collect()
     }
 }

@@ -45,7 +45,7 @@ impl Prepared {
             return Err(DataError::Unfit(text));
         }
         let color = if config.mask_images { view.over([0; 3]) } else { view.color.clone() };
-        let bytes = |picture: &ByteImage, side: usize| picture.resized(side, side).data;
+        let bytes = |image: &ByteImage, side: usize| image.resized(side, side).data;
         let image = bytes(&color, config.image_size);
         let mask = bytes(&view.mask, config.render_size);
         let outline = if config.stages > 0 { outline(&mask) } else { Vec::new() };

@@ -29,7 +29,7 @@ pub(super) struct Rendered<'t> {
 
 impl ViewRenderer {
     pub(super) fn new(template: &TriMesh, config: &Img2MeshConfig) -> Self {
-        let faces = Faces::of(template).expect("an icosphere's faces name its vertices");
+        let faces = Faces::of_valid(template.positions.len(), &template.faces);
         let size = config.render_size;
         let rules = if config.published_rules {
             // The published code hands over which faces look at the camera.
@@ -42,7 +42,7 @@ impl ViewRenderer {
             topology: Topology::new(template.positions.len(), &template.faces),
             corners: template.faces.clone(),
             kind: config.silhouette,
-            renderer: Renderer::new(Arc::new(faces), settings),
+            renderer: Renderer::new(faces, settings),
         }
     }
 

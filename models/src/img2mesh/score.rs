@@ -3,8 +3,7 @@
 use std::sync::Arc;
 
 use autodiff_lite::Tape;
-use mesh_core::{ByteImage, TriMesh, iou};
-use rayon::prelude::*;
+use mesh_core::{ByteImage, Image, TriMesh, iou};
 use recon::scene::scene_of;
 use train::report::ViewPair;
 use train::{Better, DataError, Metric, Shown, Subset};
@@ -13,7 +12,7 @@ use super::data::{Data, Trial};
 use super::prepared::Prepared;
 use super::surface::{Surface, compared};
 use super::{Img2Mesh, Meshes};
-use crate::parts::mean_metric;
+use crate::parts::{mean_metric, of_all};
 
 /// Views shown of one object.
 const MOST_SHOWN: usize = 6;
@@ -46,11 +45,9 @@ impl Img2Mesh {
         views: usize,
     ) -> Result<Vec<Metric>, DataError> {
         assert!(views > 0, "evaluate_with: a mesh takes a view at least");
-        let scores: Vec<Result<Score, DataError>> = (0..data.trials(subset, views)?)
-            .into_par_iter()
-            .map(|k| Ok(self.score_group(&data.trial(&self.config, (subset, views), k)?)))
-            .collect();
-        let scores = scores.into_iter().collect::<Result<Vec<_>, _>>()?;
+        let scores = of_all(data.trials(subset, views)?, |k| {
+            Ok(self.score_group(&data.trial(&self.config, (subset, views), k)?))
+        })?;
         let all = |name: &str, better, of: fn(&Score) -> Option<f64>| {
             let values = scores.iter().filter_map(|score| Some((&*score.object, of(score)?)));
             mean_metric(name, better, values)
@@ -158,10 +155,13 @@ impl Img2Mesh {
 
     fn pair(&self, tape: &Tape, meshes: Meshes<'_>, view: &Prepared) -> ViewPair {
         let side = self.config.render_size;
-        let (color, mask) = self.draw_view(tape, meshes, view);
-        let iou = score(&color, &mask, view).iou;
+        let (height, width, channels) = (side, side, 3);
+        let (data, mask) = self.draw_view(tape, meshes, view);
+        let iou = score(&data, &mask, view).iou;
         let caption = format!("{}: IoU {iou:.3}", view.name);
-        ViewPair { caption, model: picture(&color, side), truth: bytes(&view.target, side) }
+        let model = Image { height, width, channels, data }.to_bytes();
+        let truth = ByteImage { height, width, channels, data: view.target.clone() };
+        ViewPair { caption, model, truth }
     }
 
     /// The mesh in the world of the cameras.
@@ -178,15 +178,6 @@ impl Img2Mesh {
         mesh.colors = Some(rows(colors.as_slice()));
         mesh
     }
-}
-
-fn picture(color: &[f32], side: usize) -> ByteImage {
-    let data: Vec<u8> = color.iter().map(|x| (x.clamp(0.0, 1.0) * 255.0 + 0.5) as u8).collect();
-    bytes(&data, side)
-}
-
-fn bytes(data: &[u8], side: usize) -> ByteImage {
-    ByteImage { height: side, width: side, channels: 3, data: data.to_vec() }
 }
 
 fn score(color: &[f32], mask: &[f32], truth: &Prepared) -> Score {

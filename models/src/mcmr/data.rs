@@ -135,6 +135,18 @@ impl Data {
         parts::wanted(&self.parts, subset)
     }
 
+    /// The photographs of objects as they are scored: neither moved nor mirrored.
+    ///
+    /// # Errors
+    /// If a file cannot be read.
+    pub(super) fn samples(
+        &self,
+        objects: &[usize],
+        config: &McmrConfig,
+    ) -> Result<Vec<Sample>, DataError> {
+        parts::of_all(objects.len(), |i| Ok(self.photo(objects[i])?.plain(config)))
+    }
+
     pub(super) fn summary(&self) -> DataSummary {
         parts::summary(&self.parts, "objects")
     }

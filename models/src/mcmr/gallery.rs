@@ -1,6 +1,6 @@
 //! What there is to show: predictions, and the mean shapes.
 
-use mesh_core::{ByteImage, Camera, TriMesh};
+use mesh_core::{ByteImage, Camera, Image, TriMesh};
 use train::report::ViewPair;
 use train::{DataError, Subset};
 
@@ -23,24 +23,20 @@ impl Mcmr {
     pub fn gallery(&self, data: &Data, subset: Subset) -> Result<Vec<ViewPair>, DataError> {
         let listed = data.wanted(subset)?;
         let shown = SHOWN.min(listed.len());
-        let samples: Vec<Sample> = (0..shown)
-            .map(|i| Ok(data.photo(listed[i * listed.len() / shown])?.plain(&self.config)))
-            .collect::<Result<_, DataError>>()?;
+        let listed: Vec<usize> = (0..shown).map(|i| listed[i * listed.len() / shown]).collect();
+        let samples = data.samples(&listed, &self.config)?;
         let pairs = self.in_batches(&samples, SHOWN, &|_| None, |tape, predicted, _, samples| {
             let poses = self.poses(tape, &predicted, samples);
             let drawn = self.drawn(tape, &predicted, &poses);
             let value = drawn.image.value();
             let weights = predicted.weights.value();
             let pair = |(i, sample): (usize, &Sample)| {
-                let bytes: Vec<u8> = row(&value, i)
-                    .iter()
-                    .map(|x| (x.clamp(0.0, 1.0) * 255.0 + 0.5) as u8)
-                    .collect();
-                let picture = |data: Vec<u8>| self.bytes(data).resized(SIDE, SIDE);
+                let (height, width) = (self.config.image_size, self.config.image_size);
+                let drawn = Image { height, width, channels: 3, data: row(&value, i) };
                 let shape = largest(&row(&weights, i)) + 1;
                 let caption = format!("{}: mean shape {shape}", sample.name);
-                let truth = picture(sample.target.clone());
-                ViewPair { caption, model: picture(bytes), truth }
+                let truth = self.target_of(sample);
+                ViewPair { caption, model: drawn.to_bytes().resized(SIDE, SIDE), truth }
             };
             samples.iter().enumerate().map(pair).collect::<Vec<_>>()
         });
@@ -56,11 +52,7 @@ impl Mcmr {
         data: &Data,
         subset: Subset,
     ) -> Result<Vec<ViewPair>, DataError> {
-        let samples: Vec<Sample> = data
-            .wanted(subset)?
-            .iter()
-            .map(|&object| Ok(data.photo(object)?.plain(&self.config)))
-            .collect::<Result<_, DataError>>()?;
+        let samples = data.samples(data.wanted(subset)?, &self.config)?;
         let weights = self.in_batches(&samples, 16, &|_| None, |_, predicted, _, samples| {
             let weights = predicted.weights.value();
             (0..samples.len()).map(|i| row(&weights, i)).collect::<Vec<_>>()
@@ -70,19 +62,20 @@ impl Mcmr {
         let camera = Camera::look_at(eye, [0.0; 3], [0.0, 1.0, 0.0], 0.5, SIDE, SIDE);
         let shapes = self.mean_shapes().into_iter().enumerate();
         let pair = |(i, shape): (usize, TriMesh)| {
-            let best = (0..samples.len())
-                .fold(0, |best, k| if weights[k][i] > weights[best][i] { k } else { best });
-            let (sample, share) = (&samples[best], weights[best][i]);
+            let of_shape: Vec<f32> = weights.iter().map(|weights| weights[i]).collect();
+            let best = largest(&of_shape);
+            let (sample, share) = (&samples[best], of_shape[best]);
             let caption = format!("mean shape {}; {} has {share:.2} of it", i + 1, sample.name);
-            let truth = self.bytes(sample.target.clone()).resized(SIDE, SIDE);
+            let truth = self.target_of(sample);
             ViewPair { caption, model: in_studio(&shape, &camera), truth }
         };
         Ok(shapes.map(pair).collect())
     }
 
-    /// An image of the network's size.
-    fn bytes(&self, data: Vec<u8>) -> ByteImage {
-        let side = self.config.image_size;
-        ByteImage { height: side, width: side, channels: 3, data }
+    /// What a prediction is compared with, as large as it is shown.
+    fn target_of(&self, sample: &Sample) -> ByteImage {
+        let (height, width) = (self.config.image_size, self.config.image_size);
+        let image = ByteImage { height, width, channels: 3, data: sample.target.clone() };
+        image.resized(SIDE, SIDE)
     }
 }

@@ -175,19 +175,19 @@ pub(super) fn cropped(camera: &Camera, [left, top, square]: [f64; 3], side: usiz
 }
 
 /// A square of an image as `[side, side, C]`: means of bilinear samples, black beyond the border.
-fn cut(picture: &ByteImage, [left, top, square]: [f64; 3], side: usize) -> Vec<u8> {
+fn cut(image: &ByteImage, [left, top, square]: [f64; 3], side: usize) -> Vec<u8> {
     let step = square / side as f64;
     // As many samples a pixel and axis as there are pixels under it, up to four.
     let samples = (step.ceil() as usize).clamp(1, 4);
     let offsets: Vec<f64> = (0..samples).map(|i| (i as f64 + 0.5) / samples as f64).collect();
-    let c = picture.channels;
+    let c = image.channels;
     let mut out = Vec::with_capacity(side * side * c);
     let mut sum = vec![0.0; c];
     for (i, j) in (0..side).flat_map(|i| (0..side).map(move |j| (i, j))) {
         sum.fill(0.0);
         for (v, u) in offsets.iter().flat_map(|v| offsets.iter().map(move |u| (v, u))) {
             let (x, y) = (left + (j as f64 + u) * step - 0.5, top + (i as f64 + v) * step - 0.5);
-            add_sample(picture, [x, y], &mut sum);
+            add_sample(image, [x, y], &mut sum);
         }
         let scale = 1.0 / (samples * samples) as f64;
         out.extend(sum.iter().map(|s| (s * scale + 0.5) as u8));
@@ -196,18 +196,18 @@ fn cut(picture: &ByteImage, [left, top, square]: [f64; 3], side: usize) -> Vec<u
 }
 
 /// Adds a bilinear sample at pixel centres' coordinates.
-fn add_sample(picture: &ByteImage, [x, y]: [f64; 2], sum: &mut [f64]) {
+fn add_sample(image: &ByteImage, [x, y]: [f64; 2], sum: &mut [f64]) {
     let (left, top) = (x.floor(), y.floor());
     let (across, down) = (x - left, y - top);
     for (row, share) in [(top, 1.0 - down), (top + 1.0, down)] {
         for (column, weight) in [(left, 1.0 - across), (left + 1.0, across)] {
             let inside = row >= 0.0
                 && column >= 0.0
-                && row < picture.height as f64
-                && column < picture.width as f64;
+                && row < image.height as f64
+                && column < image.width as f64;
             if inside {
-                let at = (row as usize * picture.width + column as usize) * picture.channels;
-                let pixel = &picture.data[at..at + picture.channels];
+                let at = (row as usize * image.width + column as usize) * image.channels;
+                let pixel = &image.data[at..at + image.channels];
                 sum.iter_mut().zip(pixel).for_each(|(s, &p)| *s += share * weight * f64::from(p));
             }
         }
@@ -283,13 +283,13 @@ mod tests {
     }
 
     #[test]
-    fn a_crop_is_the_part_of_the_picture() {
-        let picture =
+    fn a_crop_is_the_part_of_the_image() {
+        let image =
             ByteImage { height: 4, width: 6, channels: 1, data: (0..24).map(|v| 10 * v).collect() };
-        assert_eq!(cut(&picture, [1.0, 1.0, 2.0], 2), [70, 80, 130, 140]);
+        assert_eq!(cut(&image, [1.0, 1.0, 2.0], 2), [70, 80, 130, 140]);
         // Half of the size: means of four. Beyond the border it is black.
-        assert_eq!(cut(&picture, [0.0, 0.0, 4.0], 2)[0], 35);
-        assert_eq!(cut(&picture, [-2.0, 0.0, 2.0], 2), [0; 4]);
+        assert_eq!(cut(&image, [0.0, 0.0, 4.0], 2)[0], 35);
+        assert_eq!(cut(&image, [-2.0, 0.0, 2.0], 2), [0; 4]);
         let mut row = vec![1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12];
         mirror(&mut row, 2);
         assert_eq!(row, [4, 5, 6, 1, 2, 3, 10, 11, 12, 7, 8, 9]);

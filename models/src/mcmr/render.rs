@@ -73,8 +73,7 @@ pub(super) struct Rendered<'t> {
 
 impl TexturedRenderer {
     pub(super) fn new(template: &Template, config: &McmrConfig) -> Self {
-        let faces = Faces::new(template.sphere.len(), &template.corners);
-        let faces = Arc::new(faces.expect("a template's faces name its vertices"));
+        let faces = Faces::of_valid(template.sphere.len(), &template.corners);
         let side = config.image_size;
         let settings = Settings {
             sigma_inv: config.sigma_inv,

@@ -5,7 +5,7 @@ use losses::metrics::{
     self, MaskRule, McmrAlignment, frechet, mask_iou_by, mcmr_iou, rotation_angle, ssim,
     symmetric_rotation_angle, voxel_iou,
 };
-use mesh_core::{Image, TriMesh};
+use mesh_core::{ByteImage, Image, MedianOfEven, TriMesh, median};
 use ndarray::ArrayView2;
 use rayon::prelude::*;
 use train::{Better, DataError, Metric, Subset};
@@ -76,11 +76,9 @@ impl Scored {
         (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
     }
 
-    /// The median of a figure over the objects that have one.
+    /// The lower median of a figure over the objects that have one.
     pub fn median(&self, of: impl Fn(&ScoredObject) -> Option<f64>) -> Option<f64> {
-        let mut values: Vec<f64> = self.each.iter().filter_map(of).collect();
-        values.sort_unstable_by(f64::total_cmp);
-        values.get(values.len().saturating_sub(1) / 2).copied()
+        median(self.each.iter().filter_map(of), MedianOfEven::Lower)
     }
 
     /// The objects of one category.
@@ -187,15 +185,16 @@ impl Drawn {
         let side = self.side;
         let plane =
             |data: Vec<f32>, channels: usize| Image { height: side, width: side, channels, data };
+        let mask = ByteImage { height: side, width: side, channels: 1, data: sample.mask.clone() };
+        let truth = Image::from(&mask);
         let hard = |mask: &[f32]| plane(mask[i * side * side..][..side * side].to_vec(), 1);
-        let truth: Vec<f32> = sample.mask.iter().map(|&m| f32::from(m) / 255.0).collect();
         let target: Vec<f32> = sample
             .target
             .iter()
             .enumerate()
-            .map(|(k, &c)| truth[k / 3] * f32::from(c) / 255.0)
+            .map(|(k, &c)| truth.data[k / 3] * f32::from(c) / 255.0)
             .collect();
-        let (truth, target) = (plane(truth, 1), plane(target, 3));
+        let target = plane(target, 3);
         let soft = [0, 1].map(|k| plane(row(&self.silhouettes[k], i), 1));
         let image = plane(row(&self.image, i), 3);
         let iou = |mask: &Image, rule| mask_iou_by(mask, &truth, rule);
@@ -233,12 +232,7 @@ impl Mcmr {
     ) -> Result<Scored, DataError> {
         let objects = data.wanted(subset)?;
         let kinds: Vec<usize> = objects.iter().map(|&object| data.category(object).0).collect();
-        let samples: Vec<Sample> = objects
-            .par_iter()
-            .map(|&object| Ok(data.photo(object)?.plain(&self.config)))
-            .collect::<Vec<Result<_, DataError>>>()
-            .into_iter()
-            .collect::<Result<_, _>>()?;
+        let samples = data.samples(objects, &self.config)?;
         let weights =
             |of: std::ops::Range<usize>| replaced.selection.weights(&kinds[of], self.config.shapes);
         // Half of all away: beside it are objects of the same category.

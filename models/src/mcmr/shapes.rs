@@ -82,6 +82,8 @@ pub(super) fn first(config: &McmrConfig, seed: u64, template: &Template) -> Para
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
+    use mesh_core::vector::norm;
+
     use super::*;
 
     #[test]
@@ -91,8 +93,7 @@ mod tests {
         let shapes = first(&equal, 3, &template);
         let (a, b) = shapes.as_slice().split_at(42 * 3);
         assert_eq!(a, b);
-        let lengths =
-            a.as_chunks::<3>().0.iter().map(|p| p.iter().map(|x| x * x).sum::<f32>().sqrt());
+        let lengths = a.as_chunks::<3>().0.iter().map(|&p| norm(p));
         assert!({ lengths }.all(|r| (r - 0.25).abs() < 1e-6));
         let differ = first(&McmrConfig { perturb: 0.3, ..equal.clone() }, 3, &template);
         let (c, d) = differ.as_slice().split_at(42 * 3);

@@ -3,6 +3,7 @@
 use std::f32::consts::PI;
 
 use autodiff_lite::{Real, Var};
+use mesh_core::vector::interpolate;
 use mesh_core::{Image, TriMesh, bilinear};
 use ndarray::Array3;
 use recon::atlas::{Atlas, mean_edge};
@@ -108,9 +109,7 @@ impl Globe {
                 .iter()
                 .flat_map(|texel| {
                     let corners = mesh.faces[texel.face as usize].map(|v| sphere[v as usize]);
-                    (0..3).map(move |k| {
-                        (0..3).map(|c| texel.barycentric[c] * corners[c][k]).sum::<f32>()
-                    })
+                    interpolate(texel.barycentric, &corners)
                 })
                 .collect();
             for (texel, color) in texels.iter().zip(self.colors(&directions).as_chunks::<3>().0) {

@@ -24,16 +24,16 @@
 
 mod config;
 mod frame;
+mod input_image;
 mod paint;
 mod pairs;
-mod picture;
 mod score;
 mod shown;
 
 pub use config::PairsConfig;
 pub use frame::{Frame, FrameKind};
+pub use input_image::InputImage;
 pub use pairs::{Pair, Pairs, Surface};
 pub(crate) use pairs::{placed, some};
-pub use picture::Picture;
 pub use score::{CROSSED, EMD_POINTS, PointScores, point_scores, surface_scores};
-pub(crate) use shown::{in_studio, picture_above};
+pub(crate) use shown::{in_studio, mesh_above_image};

@@ -1,5 +1,6 @@
 //! The colours of points on a painted surface.
 
+use mesh_core::vector::interpolate;
 use mesh_core::{SurfacePoint, Texture, TriMesh};
 
 /// sRGB colours at points of a mesh, from its vertices or its texture; empty where it has neither.
@@ -14,13 +15,11 @@ pub(super) fn colors_of(mesh: &TriMesh, points: &[SurfacePoint]) -> Vec<[f32; 3]
 /// The nearest texel.
 fn texel(texture: &Texture, point: &SurfacePoint) -> [f32; 3] {
     let corners = texture.faces[point.face as usize].map(|k| texture.uvs[k as usize]);
-    let at = |k: usize| -> f32 {
-        corners.iter().zip(point.barycentric).map(|(uv, weight)| uv[k] * weight).sum()
-    };
+    let [u, v] = interpolate(point.barycentric, &corners);
     let image = &texture.image;
     // Coordinates go round, and v goes up.
     let cell = |x: f32, size: usize| ((x.rem_euclid(1.0) * size as f32) as usize).min(size - 1);
-    let (row, column) = (cell(1.0 - at(1), image.height), cell(at(0), image.width));
+    let (row, column) = (cell(1.0 - v, image.height), cell(u, image.width));
     let pixel = image.pixel(row, column);
     std::array::from_fn(|c| pixel[c.min(pixel.len() - 1)])
 }

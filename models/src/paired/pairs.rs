@@ -12,8 +12,8 @@ use train::{DataError, DataSummary, Source, Subset};
 
 use super::config::PairsConfig;
 use super::frame::{Frame, FrameKind};
+use super::input_image::InputImage;
 use super::paint::colors_of;
-use super::picture::Picture;
 use crate::parts;
 use crate::view_cache::ViewCache;
 
@@ -25,7 +25,7 @@ const HASHED: usize = 8;
 /// A dataset, parted into training, validation and test.
 #[derive(Debug)]
 pub struct Pairs {
-    cache: ViewCache<Picture>,
+    cache: ViewCache<InputImage>,
     surfaces: Vec<OnceLock<Arc<Surface>>>,
     parts: Subsets,
     side: usize,
@@ -49,7 +49,7 @@ pub struct Surface {
 #[derive(Clone, Debug)]
 pub struct Pair {
     /// What the network sees.
-    pub picture: Arc<Picture>,
+    pub image: Arc<InputImage>,
     /// Points on the surface with their normals.
     pub truth: SurfacePoints,
 }
@@ -115,7 +115,7 @@ impl Pairs {
         for &object in pairs.parts.train.iter().take(HASHED) {
             let pair = pairs.pair(object, 0)?;
             let points = pair.truth.positions.as_flattened().iter().flat_map(|x| x.to_le_bytes());
-            hash = hash.with(&pair.picture.image).with(&points.collect::<Vec<u8>>());
+            hash = hash.with(&pair.image.pixels).with(&points.collect::<Vec<u8>>());
         }
         pairs.hash = hash.value();
         Ok(pairs)
@@ -172,10 +172,10 @@ impl Pairs {
     /// # Errors
     /// If a file cannot be read.
     pub fn pair(&self, object: usize, view: usize) -> Result<Pair, DataError> {
-        let (picture, surface) = (self.picture(object, view)?, self.surface(object)?);
+        let (image, surface) = (self.image(object, view)?, self.surface(object)?);
         let all: Vec<usize> = (0..surface.points.positions.len()).collect();
-        let truth = placed(&picture.frame, &surface.points, &all);
-        Ok(Pair { picture, truth })
+        let truth = placed(&image.frame, &surface.points, &all);
+        Ok(Pair { image, truth })
     }
 
     /// A random image of an object and `points` random points of its surface.
@@ -189,9 +189,9 @@ impl Pairs {
         rng: &mut ChaCha8Rng,
     ) -> Result<Pair, DataError> {
         let view = rng.random_range(0..self.views(object));
-        let (picture, surface) = (self.picture(object, view)?, self.surface(object)?);
-        let truth = some_of(&picture, &surface, points, rng);
-        Ok(Pair { picture, truth })
+        let (image, surface) = (self.image(object, view)?, self.surface(object)?);
+        let truth = some_of(&image, &surface, points, rng);
+        Ok(Pair { image, truth })
     }
 
     /// How many pairs of a subset are scored, `views` of each object.
@@ -234,9 +234,9 @@ impl Pairs {
     ///
     /// # Errors
     /// If a file cannot be read.
-    pub fn picture(&self, object: usize, view: usize) -> Result<Arc<Picture>, DataError> {
+    pub fn image(&self, object: usize, view: usize) -> Result<Arc<InputImage>, DataError> {
         let prepare = |view: &datasets::View| {
-            Ok(Picture::new(view, self.side, self.scale)?.with_frame(self.frame))
+            Ok(InputImage::new(view, self.side, self.scale)?.with_frame(self.frame))
         };
         let mut found = self.cache.views(object, &[view], &prepare)?;
         Ok(found.swap_remove(0))
@@ -272,14 +272,14 @@ impl Pairs {
     }
 }
 
-/// Points of a surface in the frame of a picture: distinct ones while there are enough.
+/// Points of a surface in the frame of an image: distinct ones while there are enough.
 fn some_of(
-    picture: &Picture,
+    image: &InputImage,
     surface: &Surface,
     count: usize,
     rng: &mut ChaCha8Rng,
 ) -> SurfacePoints {
-    placed(&picture.frame, &surface.points, &some(surface.points.positions.len(), count, rng))
+    placed(&image.frame, &surface.points, &some(surface.points.positions.len(), count, rng))
 }
 
 /// `count` of `there` places: distinct ones while there are enough.

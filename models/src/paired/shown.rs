@@ -5,16 +5,16 @@ use recon::evaluate::seen_from;
 use synth::{Lighting, RenderOptions};
 use train::report::ViewPair;
 
-use super::picture::Picture;
+use super::input_image::InputImage;
 
 /// Side of the images that are shown, pixels.
 const SIDE: usize = 192;
 
 /// A mesh of the world, lit and seen from the image's camera, above the image.
-pub(crate) fn picture_above(picture: &Picture, mesh: &TriMesh, caption: String) -> ViewPair {
-    let side = picture.camera.width;
-    let truth = ByteImage { height: side, width: side, channels: 3, data: picture.image.clone() };
-    let camera = picture.camera.resized(SIDE, SIDE);
+pub(crate) fn mesh_above_image(image: &InputImage, mesh: &TriMesh, caption: String) -> ViewPair {
+    let side = image.camera.width;
+    let truth = ByteImage { height: side, width: side, channels: 3, data: image.pixels.clone() };
+    let camera = image.camera.resized(SIDE, SIDE);
     ViewPair { caption, model: in_studio(mesh, &camera), truth: truth.resized(SIDE, SIDE) }
 }
 

@@ -10,7 +10,7 @@ use train::{DataError, Terms};
 use super::config::CameraSource;
 use super::deformer::Deformer;
 use super::single_view::{SingleView, guess};
-use crate::paired::{Pairs, Picture};
+use crate::paired::{InputImage, Pairs};
 use crate::viewpoint::{
     DIRECTIONS, Hypothesis, LOOKED_AT, Viewpoint, as_seen, begin_at, hypotheses, viewpoint_loss,
 };
@@ -18,7 +18,7 @@ use crate::viewpoint::{
 /// A mesh by the camera that the configuration asks for.
 #[derive(Clone, Debug)]
 pub enum Seen {
-    /// The picture's own.
+    /// The image's own.
     Told(TriMesh, Stats),
     /// One that the image was taken by, as far as it shows.
     Estimated(Estimate),
@@ -31,7 +31,7 @@ pub struct Estimate {
     pub mesh: TriMesh,
     /// The work that it took, without the meshes of cameras that were not kept.
     pub stats: Stats,
-    /// With the lens and the size of the picture's.
+    /// With the lens and the size of the image's.
     pub camera: Camera,
     /// Where that stands, and how likely it was held.
     pub hypothesis: Hypothesis,
@@ -42,12 +42,12 @@ pub struct Estimate {
 }
 
 impl Seen {
-    /// The mesh in the world of the picture's camera, such that this camera sees it as the camera did that it was made by.
-    pub(crate) fn in_world_of(self, picture: &Picture) -> TriMesh {
+    /// The mesh in the world of the image's camera, such that this camera sees it as the camera did that it was made by.
+    pub(crate) fn in_world_of(self, image: &InputImage) -> TriMesh {
         match self {
-            Self::Told(mesh, _) => picture.frame.mesh_in_world(mesh),
+            Self::Told(mesh, _) => image.frame.mesh_in_world(mesh),
             Self::Estimated(Estimate { mesh, camera, .. }) => {
-                as_seen(picture.frame.mesh_in_world(mesh), &camera, &picture.camera)
+                as_seen(image.frame.mesh_in_world(mesh), &camera, &image.camera)
             }
         }
     }
@@ -59,7 +59,7 @@ impl<D: Deformer> SingleView<D> {
         let Some(head) = &mut self.viewpoint else { return Ok(()) };
         let looked_at = data.trained().iter().take(LOOKED_AT);
         let views = looked_at
-            .map(|&object| Ok(Viewpoint::of(&data.picture(object, 0)?.camera)))
+            .map(|&object| Ok(Viewpoint::of(&data.image(object, 0)?.camera)))
             .collect::<Result<Vec<_>, DataError>>()?;
         begin_at(head, &views);
         Ok(())
@@ -69,32 +69,31 @@ impl<D: Deformer> SingleView<D> {
     pub(super) fn with_camera<'t>(
         &self,
         tape: &'t Tape,
-        pictures: &[&Picture],
+        images: &[&InputImage],
         terms: Terms<'t>,
     ) -> Terms<'t> {
         let Some(head) = &self.viewpoint else { return terms };
-        let truth: Vec<Viewpoint> = pictures.iter().map(|p| Viewpoint::of(&p.camera)).collect();
-        let missed = tape.scope("viewpoint", || {
-            viewpoint_loss(&guess(head, self.images(tape, pictures)), &truth)
-        });
+        let truth: Vec<Viewpoint> = images.iter().map(|p| Viewpoint::of(&p.camera)).collect();
+        let missed = tape
+            .scope("viewpoint", || viewpoint_loss(&guess(head, self.pixels(tape, images)), &truth));
         terms.with("camera", self.shared().camera_weight, missed)
     }
 
     /// From where the image was taken, likeliest first; nothing without a camera head. At most as many as there are directions.
-    pub fn viewpoints_of(&self, picture: &Picture) -> Vec<Hypothesis> {
+    pub fn viewpoints_of(&self, image: &InputImage) -> Vec<Hypothesis> {
         let Some(head) = &self.viewpoint else { return Vec::new() };
         let tape = Tape::eval();
-        let guess = guess(head, self.images(&tape, &[picture]));
+        let guess = guess(head, self.pixels(&tape, &[image]));
         hypotheses(&guess, DIRECTIONS).swap_remove(0)
     }
 
-    /// The mesh of one image in the frame of its picture, and the work that it took. Its camera is that of the picture, or an
+    /// The mesh of one image in its frame, and the work that it took. Its camera is the image's, or an
     /// estimated one, as the configuration says.
     ///
     /// # Errors
     /// If an integration does not come to its end.
-    pub fn mesh_of(&self, picture: &Picture) -> Result<(TriMesh, Stats), SolveError> {
-        Ok(match self.seen(picture)? {
+    pub fn mesh_of(&self, image: &InputImage) -> Result<(TriMesh, Stats), SolveError> {
+        Ok(match self.seen(image)? {
             Seen::Told(mesh, stats) => (mesh, stats),
             Seen::Estimated(estimate) => (estimate.mesh, estimate.stats),
         })
@@ -104,16 +103,16 @@ impl<D: Deformer> SingleView<D> {
     ///
     /// # Errors
     /// If an integration does not come to its end.
-    pub fn seen(&self, picture: &Picture) -> Result<Seen, SolveError> {
+    pub fn seen(&self, image: &InputImage) -> Result<Seen, SolveError> {
         let estimate = match self.shared().camera {
             CameraSource::Told => None,
-            CameraSource::Estimated => self.estimate(picture)?,
+            CameraSource::Estimated => self.estimate(image)?,
         };
         let finished = |mesh| self.shared().pairs.finished(mesh);
         if let Some(estimate) = estimate {
             Ok(Seen::Estimated(Estimate { mesh: finished(estimate.mesh), ..estimate }))
         } else {
-            let (mesh, stats) = self.mesh_told(picture)?;
+            let (mesh, stats) = self.mesh_told(image)?;
             Ok(Seen::Told(finished(mesh), stats))
         }
     }
@@ -123,13 +122,13 @@ impl<D: Deformer> SingleView<D> {
     ///
     /// # Errors
     /// If an integration does not come to its end.
-    pub fn estimate(&self, picture: &Picture) -> Result<Option<Estimate>, SolveError> {
-        let likely = self.viewpoints_of(picture).into_iter().take(self.shared().camera_hypotheses);
+    pub fn estimate(&self, image: &InputImage) -> Result<Option<Estimate>, SolveError> {
+        let likely = self.viewpoints_of(image).into_iter().take(self.shared().camera_hypotheses);
         let tries = likely
             .map(|hypothesis| {
-                let camera = hypothesis.viewpoint.camera(&picture.camera);
-                let (mesh, stats) = self.mesh_told(&picture.seen_by(camera.clone()))?;
-                let outline = overlap(picture, &picture.frame.mesh_in_world(mesh.clone()), &camera);
+                let camera = hypothesis.viewpoint.camera(&image.camera);
+                let (mesh, stats) = self.mesh_told(&image.seen_by(camera.clone()))?;
+                let outline = overlap(image, &image.frame.mesh_in_world(mesh.clone()), &camera);
                 Ok(Estimate { mesh, stats, camera, hypothesis, outline, tried: 0 })
             })
             .collect::<Result<Vec<_>, SolveError>>()?;
@@ -140,9 +139,9 @@ impl<D: Deformer> SingleView<D> {
     }
 }
 
-/// Intersection over union of what a camera sees of a mesh of the world and the picture's mask; 0 where it is no mesh.
-pub(super) fn overlap(picture: &Picture, mesh: &TriMesh, camera: &Camera) -> f64 {
+/// Intersection over union of what a camera sees of a mesh of the world and the image's mask; 0 where it is no mesh.
+pub(super) fn overlap(image: &InputImage, mesh: &TriMesh, camera: &Camera) -> f64 {
     let Ok(seen) = seen_from(mesh, camera, &RenderOptions::default()) else { return 0.0 };
-    let pixels = seen.mask.data.iter().zip(&picture.mask);
+    let pixels = seen.mask.data.iter().zip(&image.mask);
     iou(pixels.map(|(&a, &b)| (a >= 128, b >= 128))).unwrap_or(0.0)
 }

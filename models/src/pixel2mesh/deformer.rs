@@ -96,7 +96,7 @@ pub struct Deformed<'t> {
 pub struct Stage<'t> {
     /// The level of the template whose vertices these are.
     pub level: usize,
-    /// `[N, V, 3]`, in the frame of the pictures.
+    /// `[N, V, 3]`, in the frame of the images.
     pub positions: Var<'t>,
     /// The mesh that went into the stage, with as many vertices.
     pub before: Var<'t>,

@@ -25,8 +25,8 @@ impl<D: Deformer> MeshPairs for SingleView<D> {
         let Some(at) = data.listed(Subset::Test).iter().position(named) else { return Ok(None) };
         let (object, pair) = data.trial(Subset::Test, 1, at)?;
         let Some(truth) = data.surface(object)?.mesh.clone() else { return Ok(None) };
-        let mesh = self.mesh_of(&pair.picture).ok().map(|(mesh, _)| mesh);
-        let mesh = mesh.map(|mesh| pair.picture.frame.mesh_in_world(mesh));
+        let mesh = self.mesh_of(&pair.image).ok().map(|(mesh, _)| mesh);
+        let mesh = mesh.map(|mesh| pair.image.frame.mesh_in_world(mesh));
         Ok(Some(MeshPair { name: name.to_owned(), mesh, truth }))
     }
 }

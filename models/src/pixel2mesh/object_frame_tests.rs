@@ -9,7 +9,7 @@ use train::{Draw, StepInfo, System};
 
 use super::camera::overlap;
 use super::*;
-use crate::paired::{FrameKind, Pair, Pairs, PairsConfig, Picture, point_scores};
+use crate::paired::{FrameKind, InputImage, Pair, Pairs, PairsConfig, point_scores};
 use crate::predict::{Choice, PredictInput};
 
 fn config(frame: FrameKind) -> StagesConfig {
@@ -66,10 +66,10 @@ fn error(system: &Pixel2Mesh, data: &Pairs, elsewhere: usize) -> f64 {
     for &object in data.trained() {
         for view in 0..4 {
             let pair = data.pair(object, view).unwrap();
-            let other = data.picture(object, (view + elsewhere) % 4).unwrap();
-            let mut picture = (*pair.picture).clone();
-            picture.lens = other.lens;
-            let (mesh, _) = system.mesh_of(&picture).unwrap();
+            let other = data.image(object, (view + elsewhere) % 4).unwrap();
+            let mut image = (*pair.image).clone();
+            image.lens = other.lens;
+            let (mesh, _) = system.mesh_of(&image).unwrap();
             sum += point_scores(&mesh, &pair.truth).chamfer;
         }
     }
@@ -140,30 +140,30 @@ fn estimating(camera: CameraSource) -> (Pixel2Mesh, Pairs) {
 fn the_outline_chooses_the_camera() {
     let (system, data) = estimating(CameraSource::Estimated);
     for view in 0..4 {
-        let picture = data.picture(data.trained()[0], view).unwrap();
+        let image = data.image(data.trained()[0], view).unwrap();
         let tries: Vec<(f64, mesh_core::TriMesh)> = system
-            .viewpoints_of(&picture)
+            .viewpoints_of(&image)
             .iter()
             .map(|likely| {
-                let camera = likely.viewpoint.camera(&picture.camera);
-                let (mesh, _) = system.mesh_told(&picture.seen_by(camera.clone())).unwrap();
-                let world = picture.frame.mesh_in_world(mesh.clone());
-                (overlap(&picture, &world, &camera), mesh)
+                let camera = likely.viewpoint.camera(&image.camera);
+                let (mesh, _) = system.mesh_told(&image.seen_by(camera.clone())).unwrap();
+                let world = image.frame.mesh_in_world(mesh.clone());
+                (overlap(&image, &world, &camera), mesh)
             })
             .collect();
         let best = (0..tries.len()).rev().max_by(|&a, &b| tries[a].0.total_cmp(&tries[b].0));
         let best = best.unwrap();
-        let estimate = system.estimate(&picture).unwrap().unwrap();
+        let estimate = system.estimate(&image).unwrap().unwrap();
         assert_eq!((estimate.tried, estimate.outline), (8, tries[best].0));
-        assert_eq!(system.mesh_of(&picture).unwrap().0, tries[best].1);
+        assert_eq!(system.mesh_of(&image).unwrap().0, tries[best].1);
         assert!(estimate.outline > 0.0);
     }
 }
 
-fn input(picture: &Picture) -> PredictInput {
-    let side = picture.camera.width;
+fn input(image: &InputImage) -> PredictInput {
+    let side = image.camera.width;
     let camera = mesh_core::Camera::from_r2n2(0.0, 27.5, 0.8, side, side);
-    let view = View { camera, ..picture.view() };
+    let view = View { camera, ..image.view() };
     let input = PredictInput::part(Views::in_memory(vec![view]), Choice::All).unwrap();
     PredictInput { camera_assumed: true, ..input }
 }
@@ -173,10 +173,10 @@ fn input(picture: &Picture) -> PredictInput {
 #[test]
 fn an_image_without_a_camera_gets_one() {
     let (system, data) = estimating(CameraSource::Told);
-    let picture = data.picture(data.trained()[0], 1).unwrap();
-    let mut plain = input(&picture);
+    let image = data.image(data.trained()[0], 1).unwrap();
+    let mut plain = input(&image);
     system.give_camera(&mut plain).unwrap();
-    let estimate = system.estimate(&picture).unwrap().unwrap();
+    let estimate = system.estimate(&image).unwrap().unwrap();
     assert!((plain.given[0].camera.rotation - estimate.camera.rotation).abs().max() < 1e-9);
     assert!(
         plain.warnings.iter().any(|text| text.contains("is estimated")),
@@ -187,15 +187,15 @@ fn an_image_without_a_camera_gets_one() {
         let pairs = a.positions.as_flattened().iter().zip(b.positions.as_flattened());
         pairs.into_iter().all(|(a, b)| (a - b).abs() < 1e-4)
     };
-    let upright = picture.frame.mesh_in_world(estimate.mesh.clone());
+    let upright = image.frame.mesh_in_world(estimate.mesh.clone());
     assert!(near(&system.predict(&plain.given).unwrap(), &upright));
     // Where the camera is estimated in any case, the mesh stands before the one that was given.
     let (estimating, _) = estimating(CameraSource::Estimated);
-    let found = estimating.predict(&input(&picture).given).unwrap();
-    let given = &input(&picture).given[0].camera;
+    let found = estimating.predict(&input(&image).given).unwrap();
+    let given = &input(&image).given[0].camera;
     assert!(!near(&found, &upright));
     assert!(near(&crate::viewpoint::as_seen(upright, &estimate.camera, given), &found));
     let headless = Pixel2Mesh::new(&config(FrameKind::Object), 0);
-    let error = headless.give_camera(&mut input(&picture)).unwrap_err().to_string();
+    let error = headless.give_camera(&mut input(&image)).unwrap_err().to_string();
     assert!(error.contains("no camera, expected views with cameras"), "{error}");
 }

@@ -10,7 +10,7 @@ use super::camera::{Estimate, Seen};
 use super::config::CameraSource;
 use super::deformer::Deformer;
 use super::single_view::{SingleView, maps};
-use crate::paired::{FrameKind, Pairs, Picture};
+use crate::paired::{FrameKind, InputImage, Pairs};
 use crate::parts::of_each;
 use crate::predict::{
     Detail, Features, PredictInput, Prediction, Predictor, Request, Sighting, strongest,
@@ -55,7 +55,7 @@ impl<D: Deformer> Predictor for SingleView<D> {
         of_each(data.listed(subset).len(), most, |k| {
             let [object, view] = data.tried(subset, 1, k)?;
             let family = data.name(object)[0].to_owned();
-            Ok(Sighting { family, features: self.features(&*data.picture(object, view)?) })
+            Ok(Sighting { family, features: self.features(&*data.image(object, view)?) })
         })
     }
 
@@ -75,24 +75,24 @@ impl<D: Deformer> Predictor for SingleView<D> {
 impl<D: Deformer> SingleView<D> {
     /// The mesh and its way there, in the world of the given camera.
     pub(super) fn applied(&self, input: &PredictInput) -> Result<Prediction, PredictError> {
-        let picture = self.picture(&input.given)?;
-        let estimate = match self.seen(&picture).map_err(PredictError::solve)? {
+        let image = self.image(&input.given)?;
+        let estimate = match self.seen(&image).map_err(PredictError::solve)? {
             Seen::Told(..) => None,
             Seen::Estimated(estimate) => Some(estimate),
         };
-        let through = estimate.as_ref().map(|estimate| picture.seen_by(estimate.camera.clone()));
+        let through = estimate.as_ref().map(|estimate| image.seen_by(estimate.camera.clone()));
         let (mesh, sequence) = self
-            .mesh_and_sequence_of(through.as_ref().unwrap_or(&picture), FRAMES)
+            .mesh_and_sequence_of(through.as_ref().unwrap_or(&image), FRAMES)
             .map_err(PredictError::solve)?;
         let in_world = |mesh: TriMesh| {
-            let mesh = picture.frame.mesh_in_world(mesh);
+            let mesh = image.frame.mesh_in_world(mesh);
             match &estimate {
                 None => mesh,
-                Some(Estimate { camera, .. }) => as_seen(mesh, camera, &picture.camera),
+                Some(Estimate { camera, .. }) => as_seen(mesh, camera, &image.camera),
             }
         };
         Ok(Prediction {
-            features: self.features(&picture),
+            features: self.features(&image),
             mesh: in_world(self.shared().pairs.finished(mesh)),
             sequence: sequence.into_iter().map(in_world).collect(),
             details: estimate.iter().flat_map(details).collect(),
@@ -100,9 +100,9 @@ impl<D: Deformer> SingleView<D> {
         })
     }
 
-    fn features(&self, picture: &Picture) -> Features {
+    fn features(&self, image: &InputImage) -> Features {
         let tape = Tape::eval();
-        let [.., last] = maps(&self.encoder, self.images(&tape, &[picture]));
+        let [.., last] = maps(&self.encoder, self.pixels(&tape, &[image]));
         strongest(&[last])
     }
 
@@ -112,8 +112,8 @@ impl<D: Deformer> SingleView<D> {
             let source = input.source.display();
             DataError::Unfit(format!("{source}: {what}"))
         };
-        let picture = self.picture(&input.given).map_err(|error| refused(&error.to_string()))?;
-        let estimate = self.estimate(&picture).map_err(|error| refused(&error.to_string()))?;
+        let image = self.image(&input.given).map_err(|error| refused(&error.to_string()))?;
+        let estimate = self.estimate(&image).map_err(|error| refused(&error.to_string()))?;
         let Some(Estimate { camera, hypothesis, outline, .. }) = estimate else {
             let what = "no camera, expected views with cameras (a folder) or a checkpoint that estimates them \
                         (`camera-weight` above 0)";

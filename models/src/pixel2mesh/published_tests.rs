@@ -81,12 +81,12 @@ fn shapes_are_as_published() {
     let maps = system.encoder.forward(images).map(|map| map.shape());
     let expected = [[1, 56, 56, 64], [1, 28, 28, 128], [1, 14, 14, 256], [1, 7, 7, 512]];
     assert_eq!(maps, expected);
-    let deformed = system.deformed(&tape, &[&*pair.picture], Run::Test).unwrap();
+    let deformed = system.deformed(&tape, &[&*pair.image], Run::Test).unwrap();
     assert_eq!(deformed.stages[0].positions.shape(), [1, 2466, 3]);
     // From 0.125 in steps of 0.125 until the time exceeds 1.
     assert_eq!(deformed.stats.evaluations, 8);
     let config = preset_with::<Pixel2Mesh>("paper", &[]).system;
-    let deformed = Pixel2Mesh::new(&config, 0).deformed(&tape, &[&*pair.picture], Run::Test);
+    let deformed = Pixel2Mesh::new(&config, 0).deformed(&tape, &[&*pair.image], Run::Test);
     let shapes: Vec<Vec<usize>> =
         deformed.unwrap().stages.iter().map(|stage| stage.positions.shape()).collect();
     assert_eq!(shapes, [[1, 156, 3], [1, 618, 3], [1, 2466, 3]]);
@@ -160,7 +160,7 @@ fn the_published_camera_is_not_the_images() {
     let pair = pairs.pair(0, 0).unwrap();
     let mesh = |projection: &str| {
         let config = tiny::<OdePixel2Mesh>("paper", &[("projection", projection), ("level", "0")]);
-        OdePixel2Mesh::new(&config.system, 3).mesh_of(&pair.picture).unwrap().0
+        OdePixel2Mesh::new(&config.system, 3).mesh_of(&pair.image).unwrap().0
     };
     assert_ne!(mesh("none"), mesh("[248.0, 111.5]"));
     // Our renderings' own camera, said as the published ones are.

@@ -2,17 +2,16 @@
 
 use std::collections::BTreeMap;
 
-use mesh_core::TriMesh;
+use mesh_core::{MedianOfEven, TriMesh, median};
 use ode_deform::solve::Stats;
-use rayon::prelude::*;
 use train::report::ViewPair;
 use train::{Better, DataError, Metric, Subset};
 
 use super::camera::{Estimate, Seen};
 use super::deformer::Deformer;
 use super::single_view::SingleView;
-use crate::paired::{Pair, Pairs, PointScores, picture_above, point_scores};
-use crate::parts::mean_metric;
+use crate::paired::{Pair, Pairs, PointScores, mesh_above_image, point_scores};
+use crate::parts::{mean_metric, of_all};
 use crate::viewpoint::Viewpoint;
 
 /// Objects shown together.
@@ -58,14 +57,8 @@ impl Scored {
 
     /// The median error of the azimuth in degrees; not a number where none is guessed.
     pub fn azimuth_error(&self) -> f64 {
-        let mut errors = self.azimuths.clone();
-        errors.sort_by(f64::total_cmp);
-        let middle = errors.len() / 2;
-        match errors.as_slice() {
-            [] => f64::NAN,
-            all if all.len() % 2 == 1 => all[middle],
-            all => 0.5 * (all[middle - 1] + all[middle]),
-        }
+        let errors = self.azimuths.iter().copied();
+        median(errors, MedianOfEven::Mean).unwrap_or(f64::NAN)
     }
 
     /// The share of the images whose azimuth is wrong by more than 120 degrees; not a number where none is guessed.
@@ -129,10 +122,8 @@ impl Scored {
             Ok((object, of(&pair)?))
         };
         let count = data.trials(subset, views)?;
-        let all: Vec<Result<_, DataError>> = (0..count).into_par_iter().map(one).collect();
         let mut scored = Self::default();
-        for found in all {
-            let (object, (scores, stats, azimuth)) = found?;
+        for (object, (scores, stats, azimuth)) in of_all(count, one)? {
             scored.each.push((object, scores, stats));
             scored.names.push(data.object_name(object));
             scored.azimuths.extend(azimuth);
@@ -148,18 +139,18 @@ impl<D: Deformer> SingleView<D> {
     /// If a file cannot be read, or there is nothing for that.
     pub fn scored(&self, data: &Pairs, subset: Subset) -> Result<Scored, DataError> {
         Scored::judged(data, (subset, self.shared().pairs.scored_views), |pair| {
-            let picture = &*pair.picture;
+            let image = &*pair.image;
             // What does not come to its end is no mesh at all.
-            let (mesh, stats, guess) = match self.seen(picture) {
+            let (mesh, stats, guess) = match self.seen(image) {
                 Ok(Seen::Told(mesh, stats)) => {
-                    (mesh, stats, self.viewpoints_of(picture).first().copied())
+                    (mesh, stats, self.viewpoints_of(image).first().copied())
                 }
                 Ok(Seen::Estimated(Estimate { mesh, stats, hypothesis, .. })) => {
                     (mesh, stats, Some(hypothesis))
                 }
                 Err(_) => (TriMesh::default(), Stats::default(), None),
             };
-            let truth = Viewpoint::of(&picture.camera);
+            let truth = Viewpoint::of(&image.camera);
             let error = guess.map(|guess| guess.viewpoint.azimuth_error(&truth));
             let error = error.or_else(|| self.viewpoint.as_ref().map(|_| 180.0));
             Ok((point_scores(&mesh, &pair.truth), stats, error))
@@ -175,11 +166,11 @@ impl<D: Deformer> SingleView<D> {
         let shown = SHOWN.min(count);
         let one = |i: usize| {
             let (_, pair) = data.trial(subset, 1, i * count / shown)?;
-            let (mesh, _) = self.mesh_of(&pair.picture).unwrap_or_default();
+            let (mesh, _) = self.mesh_of(&pair.image).unwrap_or_default();
             let scores = point_scores(&mesh, &pair.truth);
-            let caption = format!("{}: Chamfer {:.3}", pair.picture.name, scores.chamfer);
-            let mesh = pair.picture.frame.mesh_in_world(mesh);
-            Ok(picture_above(&pair.picture, &mesh, caption))
+            let caption = format!("{}: Chamfer {:.3}", pair.image.name, scores.chamfer);
+            let mesh = pair.image.frame.mesh_in_world(mesh);
+            Ok(mesh_above_image(&pair.image, &mesh, caption))
         };
         (0..shown).map(one).collect()
     }

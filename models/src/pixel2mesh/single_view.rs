@@ -19,7 +19,7 @@ use super::projection::published_lens;
 use super::sums::Sums;
 use super::template::Template;
 use crate::instance::Instance;
-use crate::paired::{FrameKind, Pair, Pairs, Picture};
+use crate::paired::{FrameKind, InputImage, Pair, Pairs};
 use crate::predict::{PredictInput, Prediction};
 use crate::stacked::stacked;
 use crate::viewpoint::DIRECTIONS;
@@ -92,20 +92,20 @@ impl<D: Deformer> SingleView<D> {
         other
     }
 
-    /// Meshes of images, in the frames of their pictures.
+    /// Meshes of images, each in the frame of its image.
     pub(super) fn deformed<'t>(
         &self,
         tape: &'t Tape,
-        pictures: &[&Picture],
+        images: &[&InputImage],
         run: Run,
     ) -> Result<Deformed<'t>, SolveError> {
-        let n = pictures.len();
-        let images = self.images(tape, pictures);
+        let n = images.len();
+        let pixels = self.pixels(tape, images);
         let camera = match self.shared().projection {
             Some(lens) => published_lens(tape, n, lens),
-            None => stacked(tape, pictures.iter().map(|p| &p.lens[..]), &[n, 3, 4]),
+            None => stacked(tape, images.iter().map(|p| &p.lens[..]), &[n, 3, 4]),
         };
-        let mut maps = tape.scope("encoder", || maps(&self.encoder, images));
+        let mut maps = tape.scope("encoder", || maps(&self.encoder, pixels));
         let scale = self.shared().feature_scale as f32;
         if scale != 1.0 {
             maps = maps.map(|map| map * scale);
@@ -115,36 +115,36 @@ impl<D: Deformer> SingleView<D> {
     }
 
     /// `[N, S, S, 3]`.
-    pub(super) fn images<'t>(&self, tape: &'t Tape, pictures: &[&Picture]) -> Var<'t> {
+    pub(super) fn pixels<'t>(&self, tape: &'t Tape, images: &[&InputImage]) -> Var<'t> {
         let side = self.shared().pairs.image_size;
-        let pixels = pictures.iter().map(|p| &p.image[..]);
-        stacked(tape, pixels, &[pictures.len(), side, side, 3])
+        let pixels = images.iter().map(|p| &p.pixels[..]);
+        stacked(tape, pixels, &[images.len(), side, side, 3])
     }
 
-    /// The mesh of one image by the picture's own camera, in the frame of the picture, and the work that it took.
+    /// The mesh of one image by its own camera, in its frame, and the work that it took.
     ///
     /// # Errors
     /// If an integration does not come to its end.
-    pub(super) fn mesh_told(&self, picture: &Picture) -> Result<(TriMesh, Stats), SolveError> {
+    pub(super) fn mesh_told(&self, image: &InputImage) -> Result<(TriMesh, Stats), SolveError> {
         let tape = Tape::eval();
-        let deformed = self.deformed(&tape, &[picture], Run::Test)?;
+        let deformed = self.deformed(&tape, &[image], Run::Test)?;
         let last = deformed.stages.last().expect("a stage");
         Ok((self.mesh(last.level, last.positions), deformed.stats))
     }
 
-    /// The mesh of one image by the picture's own camera, and meshes on the way from the ellipsoid to it, in the frame of the
-    /// picture.
+    /// The mesh of one image by its own camera, and meshes on the way from the ellipsoid to it, in the frame of the
+    /// image.
     ///
     /// # Errors
     /// If an integration does not come to its end.
     pub fn mesh_and_sequence_of(
         &self,
-        picture: &Picture,
+        image: &InputImage,
         frames: usize,
     ) -> Result<(TriMesh, Vec<TriMesh>), SolveError> {
         let tape = Tape::eval();
         let run = Run::Sequence { frames: frames.max(2) };
-        let deformed = self.deformed(&tape, &[picture], run)?;
+        let deformed = self.deformed(&tape, &[image], run)?;
         let level = |mesh: &Var<'_>| {
             let vertices = mesh.shape()[1];
             let of = |level: &super::Level| level.mesh.positions.len() == vertices;
@@ -288,7 +288,7 @@ impl<D: Deformer> System for SingleView<D> {
     }
 
     fn name_of(sample: &Pair) -> String {
-        sample.picture.name.clone()
+        sample.image.name.clone()
     }
 
     fn loss<'t>(
@@ -333,7 +333,7 @@ impl<D: Deformer> Instance<Pairs, Pair> for SingleView<D> {
         batch: &[Pair],
         at: StepInfo,
     ) -> Result<Terms<'t>, LossError> {
-        let pictures: Vec<&Picture> = batch.iter().map(|pair| &*pair.picture).collect();
+        let images: Vec<&InputImage> = batch.iter().map(|pair| &*pair.image).collect();
         let run = Run::Training { seed: self.seed, step: at.step };
         let count = batch[0].truth.positions.len();
         let points = batch.iter().map(|pair| pair.truth.positions.as_flattened());
@@ -342,7 +342,7 @@ impl<D: Deformer> Instance<Pairs, Pair> for SingleView<D> {
             batch.iter().flat_map(|pair| pair.truth.normals.as_flattened()).copied().collect();
         let normals = if normals.len() == 3 * count * batch.len() { &normals[..] } else { &[] };
         let mut sums = Sums::default();
-        match self.deformed(tape, &pictures, run) {
+        match self.deformed(tape, &images, run) {
             Ok(deformed) => {
                 for stage in &deformed.stages {
                     self.stage_terms(stage, truth, normals, &mut sums);
@@ -355,7 +355,7 @@ impl<D: Deformer> Instance<Pairs, Pair> for SingleView<D> {
             Err(error) => return Err(LossError::solve(error)),
         }
         let terms = sums.weighted(self.shared(), || tape.constant(ndarray::arr0(0.0)));
-        Ok(self.decayed(tape, self.with_camera(tape, &pictures, terms)))
+        Ok(self.decayed(tape, self.with_camera(tape, &images, terms)))
     }
 
     fn evaluate(&self, data: &Pairs, subset: Subset) -> Result<Vec<Metric>, DataError> {
@@ -364,23 +364,23 @@ impl<D: Deformer> Instance<Pairs, Pair> for SingleView<D> {
 
     fn show(&self, data: &Pairs, subset: Subset) -> Result<Shown, DataError> {
         let (_, pair) = data.trial(subset, 1, 0)?;
-        let (mesh, _) = self.mesh_of(&pair.picture).unwrap_or_default();
-        let mesh = pair.picture.frame.mesh_in_world(mesh);
+        let (mesh, _) = self.mesh_of(&pair.image).unwrap_or_default();
+        let mesh = pair.image.frame.mesh_in_world(mesh);
         Ok(Shown { views: self.gallery(data, subset)?, scene: Some(scene_of(&mesh)) })
     }
 
     fn predict(&self, views: &[View]) -> Result<TriMesh, PredictError> {
-        let picture = self.picture(views)?;
-        let seen = self.seen(&picture).map_err(PredictError::solve)?;
-        Ok(seen.in_world_of(&picture))
+        let image = self.image(views)?;
+        let seen = self.seen(&image).map_err(PredictError::solve)?;
+        Ok(seen.in_world_of(&image))
     }
 }
 
 impl<D: Deformer> SingleView<D> {
     /// The first view as the network takes it.
-    pub(crate) fn picture(&self, views: &[View]) -> Result<Picture, PredictError> {
+    pub(crate) fn image(&self, views: &[View]) -> Result<InputImage, PredictError> {
         let view = views.first().ok_or(PredictError::NoView)?;
         let pairs = &self.shared().pairs;
-        Ok(Picture::new(view, pairs.image_size, pairs.scale)?.with_frame(self.shared().frame))
+        Ok(InputImage::new(view, pairs.image_size, pairs.scale)?.with_frame(self.shared().frame))
     }
 }

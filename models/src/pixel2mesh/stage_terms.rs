@@ -25,10 +25,10 @@ impl<D: Deformer> SingleView<D> {
         let (edges, neighbors) = (&level.topology.edges, &level.topology.vertex_vertices);
         let mut matches = Matches::default();
         matches.find(stage.positions, truth);
-        let ways = Directions { x_to_y: shared.chamfer_back, y_to_x: 1.0 };
+        let directions = Directions { x_to_y: shared.chamfer_back, y_to_x: 1.0 };
         let vertices = level.mesh.positions.len() as f32;
         let moved = stage.positions - stage.before;
-        let chamfer = losses::chamfer_distance(stage.positions, truth, &matches, ways);
+        let chamfer = losses::chamfer_distance(stage.positions, truth, &matches, directions);
         add(&mut sums.chamfer, chamfer);
         let listed = 2.0 * edges.len() as f32;
         let share = if shared.self_loops { listed / (listed + vertices) } else { 1.0 };

@@ -4,7 +4,7 @@ use autodiff_lite::SparseMatrix;
 use datasets::pixel2mesh::Ellipsoid;
 use mesh_core::nalgebra::DMatrix;
 use mesh_core::primitives::pixel2mesh_ellipsoid;
-use mesh_core::{Topology, TriMesh};
+use mesh_core::{Topology, TriMesh, bounds};
 use train::DataError;
 
 /// Pixel2Mesh's ellipsoid at several levels, from coarse to fine.
@@ -68,9 +68,8 @@ impl Template {
     /// The same moved so that its middle is at the origin: where it begins in the object's own frame.
     #[must_use]
     pub fn about_origin(mut self) -> Self {
-        let bounds = self.levels.first().and_then(|level| level.mesh.bounds());
-        if let Some((low, high)) = bounds {
-            let middle: [f32; 3] = std::array::from_fn(|k| 0.5 * (low[k] + high[k]));
+        let around = self.levels.first().and_then(|level| level.mesh.bounds());
+        if let Some(middle) = around.map(bounds::center) {
             for level in &mut self.levels {
                 let positions = level.mesh.positions.iter_mut();
                 positions.for_each(|p| *p = std::array::from_fn(|k| p[k] - middle[k]));

@@ -210,15 +210,15 @@ fn a_sequence_goes_from_the_ellipsoid_to_the_prediction() {
     let pairs = Pairs::synthetic(&data()).unwrap();
     let pair = pairs.pair(pairs.listed(train::Subset::Test)[0], 0).unwrap();
     let system = OdePixel2Mesh::new(&ode(), 3);
-    let (mesh, stats) = system.mesh_of(&pair.picture).unwrap();
+    let (mesh, stats) = system.mesh_of(&pair.image).unwrap();
     assert_eq!((stats.evaluations, stats.accepted), (4, 4));
-    let (same, sequence) = system.mesh_and_sequence_of(&pair.picture, 5).unwrap();
+    let (same, sequence) = system.mesh_and_sequence_of(&pair.image, 5).unwrap();
     assert_eq!(same, mesh);
     assert_eq!(sequence.len(), 5);
     assert_eq!(sequence[0].positions, system.template.finest().mesh.positions);
     assert_eq!(sequence[4].positions, mesh.positions);
     let finer = OdeConfig { method: Method::Dopri5, tolerance: Some(1e-6), ..ode() };
-    let (exact, _) = system.with_config(&finer).mesh_of(&pair.picture).unwrap();
+    let (exact, _) = system.with_config(&finer).mesh_of(&pair.image).unwrap();
     let far = |a: &[[f32; 3]], b: &[[f32; 3]]| {
         let pairs = a.as_flattened().iter().zip(b.as_flattened());
         pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
@@ -227,7 +227,7 @@ fn a_sequence_goes_from_the_ellipsoid_to_the_prediction() {
     let error = far(&exact.positions, &mesh.positions);
     assert!(error > 0.0 && error < 0.5 * moved, "{error} of {moved}");
     let staged = Pixel2Mesh::new(&stages(), 0);
-    let (_, staged) = staged.mesh_and_sequence_of(&pair.picture, 9).unwrap();
+    let (_, staged) = staged.mesh_and_sequence_of(&pair.image, 9).unwrap();
     let counts: Vec<usize> = staged.iter().map(|mesh| mesh.positions.len()).collect();
     assert_eq!(counts, [156, 156, 618]);
 }
@@ -247,7 +247,7 @@ fn tests_do_not_depend_on_what_is_trained_on() {
     let test = |objects: usize| {
         let pairs = Pairs::synthetic(&PairsConfig { objects, ..data() }).unwrap();
         let (_, pair) = pairs.trial(train::Subset::Test, 2, 1).unwrap();
-        (pair.picture.name.clone(), pair.picture.image.clone(), pair.truth)
+        (pair.image.name.clone(), pair.image.pixels.clone(), pair.truth)
     };
     assert_eq!(test(2), test(9));
 }

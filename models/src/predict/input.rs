@@ -115,9 +115,9 @@ impl PredictInput {
     /// As [`single`](Self::single).
     pub(crate) fn one(request: &Request<'_>) -> Result<Self, DataError> {
         let extension = request.path.extension().and_then(|e| e.to_str()).unwrap_or_default();
-        let picture = ["png", "jpg", "jpeg"].contains(&extension.to_lowercase().as_str());
-        if picture && request.path.is_file() {
-            return Self::picture(request);
+        let is_image = ["png", "jpg", "jpeg"].contains(&extension.to_lowercase().as_str());
+        if is_image && request.path.is_file() {
+            return Self::image(request);
         }
         let mut input = Self::views(request)?;
         if request.choice != Choice::All && input.given.len() > 1 {
@@ -132,7 +132,7 @@ impl PredictInput {
     }
 
     /// A single image of an object, as if taken by one of 3D-R2N2's cameras.
-    fn picture(request: &Request<'_>) -> Result<Self, DataError> {
+    fn image(request: &Request<'_>) -> Result<Self, DataError> {
         /// Middle of the elevations and of the distances of 3D-R2N2's renderings.
         const ELEVATION: f64 = 27.5;
         const DISTANCE: f64 = 0.8;

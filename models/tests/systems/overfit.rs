@@ -64,7 +64,7 @@ fn overfits_one_sample<D: Deformer>(config: &D::Config, learning_rate: f64, step
         adam.set_lr(learning_rate * (1.0 - step as f64 / steps as f64).max(0.02));
         adam.step(&mut system, &gradients);
     }
-    let (mesh, _) = system.mesh_of(&pair.picture).unwrap();
+    let (mesh, _) = system.mesh_of(&pair.image).unwrap();
     let found = point_scores(&mesh, &pair.truth).chamfer;
     let truth = &pair.truth.positions;
     let floor = chamfer(&spread(truth, mesh.positions.len()), truth);

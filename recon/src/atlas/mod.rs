@@ -184,6 +184,7 @@ fn sizes(charts: &[Chart], density: f32) -> Vec<[usize; 2]> {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
+    use mesh_core::vector::interpolate;
     use mesh_core::{TriMesh, primitives};
 
     use super::*;
@@ -251,11 +252,10 @@ mod tests {
             for (level, image) in levels(&texture.image).iter().enumerate() {
                 let mut worst = [0.0f32; 2];
                 for (index, corners) in texture.faces.iter().enumerate() {
-                    let [a, b, c] = corners.map(|t| texture.uvs[t as usize]);
+                    let corners = corners.map(|t| texture.uvs[t as usize]);
                     // Corners, edges and the middle.
                     for w in [[1.0, 0.0, 0.0], [0.0, 0.5, 0.5], [0.5, 0.0, 0.5], [0.3, 0.3, 0.4]] {
-                        let uv = std::array::from_fn(|k| w[0] * a[k] + w[1] * b[k] + w[2] * c[k]);
-                        let [r, g, filled] = sampled(image, uv);
+                        let [r, g, filled] = sampled(image, interpolate(w, &corners));
                         let own = if index < red { r - g } else { g - r };
                         worst[0] = worst[0].max(1.0 - own);
                         worst[1] = worst[1].max(1.0 - filled);
@@ -288,9 +288,7 @@ mod tests {
         // The texel's centre is where its barycentric coordinates say.
         for texel in atlas.texels() {
             let corners = texture.faces[texel.face as usize].map(|t| texture.uvs[t as usize]);
-            let [u, v]: [f32; 2] = std::array::from_fn(|k| {
-                (0..3).map(|c| texel.barycentric[c] * corners[c][k]).sum::<f32>()
-            });
+            let [u, v] = interpolate(texel.barycentric, &corners);
             let (column, row): (f32, f32) = (u * side - 0.5, (1.0 - v) * side - 0.5);
             let found = row.round() as usize * atlas.side() + column.round() as usize;
             assert_eq!(found, texel.index as usize, "{texel:?}");

@@ -1,7 +1,7 @@
 //! What the outline of a mesh in one view tells of that view's camera: Gauss-Newton's normal equations.
 
-use mesh_core::Camera;
 use mesh_core::nalgebra::{Matrix6, SMatrix, Vector3, Vector6};
+use mesh_core::{Camera, MedianOfEven, median};
 
 use super::outline::Border;
 
@@ -90,9 +90,8 @@ impl<'a> Motion<'a> {
 impl Equations {
     /// Those of all residuals of a view, outliers counting less; `None` where there are none.
     pub(super) fn of(residuals: &[Residual], units: [f64; 4]) -> Option<Self> {
-        let mut sizes: Vec<f64> = residuals.iter().map(|r| r.distance.abs()).collect();
-        sizes.sort_by(f64::total_cmp);
-        let outlier = OUTLIER.max(MEDIANS * sizes.get(sizes.len() / 2)?);
+        let sizes = residuals.iter().map(|r| r.distance.abs());
+        let outlier = OUTLIER.max(MEDIANS * median(sizes, MedianOfEven::Upper)?);
         let mut normal = SMatrix::<f64, 7, 7>::zeros();
         let mut right = SMatrix::<f64, 7, 1>::zeros();
         let mut total = 0.0;

@@ -211,7 +211,7 @@ fn normal(
                 sample.color = exposure.brought(view, sample.color);
                 let mut weight = sample.weight;
                 if let Some(known) = known {
-                    let mix = sample.mix(seen.faces, known);
+                    let mix = sample.interpolate(seen.faces, known);
                     let square: f32 = (0..3).map(|c| (sample.color[c] - mix[c]).powi(2)).sum();
                     weight /= 1.0 + square / (OUTLIER * OUTLIER);
                 }

@@ -1,15 +1,15 @@
-//! Normalised cross-correlation of two pictures, window by window.
+//! Normalised cross-correlation of two images, window by window.
 
-use super::picture::Picture;
+use super::gray_image::GrayImage;
 
 /// Half the side of a window, without its middle.
 const REACH: usize = 3;
 /// A window of which the standard deviation is less shows nothing; sRGB from 0 to 1.
 const FLAT: f32 = 0.01;
 
-/// A picture's own sums over windows; only pixels of its mask count.
+/// An image's own sums over windows; only pixels of its mask count.
 pub(super) struct Windows<'a> {
-    picture: &'a Picture,
+    image: &'a GrayImage,
     count: Vec<f32>,
     sum: Vec<f32>,
     /// Of the squares, less the mean's.
@@ -25,14 +25,14 @@ pub(super) struct Sums {
 }
 
 impl<'a> Windows<'a> {
-    pub(super) fn new(picture: &'a Picture) -> Self {
-        let mask: Vec<f32> = picture.mask.iter().map(|&m| f32::from(u8::from(m))).collect();
+    pub(super) fn new(image: &'a GrayImage) -> Self {
+        let mask: Vec<f32> = image.mask.iter().map(|&m| f32::from(u8::from(m))).collect();
         let masked = |f: &dyn Fn(f32) -> f32| -> Vec<f32> {
-            picture.brightness.iter().zip(&mask).map(|(&b, m)| m * f(b)).collect()
+            image.brightness.iter().zip(&mask).map(|(&b, m)| m * f(b)).collect()
         };
         let boxed = |values: &[f32]| {
             let (mut row, mut out) = (Vec::new(), Vec::new());
-            box_sums(values, picture.size, 0..picture.size[1], &mut row, &mut out);
+            box_sums(values, image.size, 0..image.size[1], &mut row, &mut out);
             out
         };
         let (count, sum) = (boxed(&mask), boxed(&masked(&|b| b)));
@@ -40,7 +40,7 @@ impl<'a> Windows<'a> {
         for ((square, sum), count) in square.iter_mut().zip(&sum).zip(&count) {
             *square = (*square - sum * sum / count.max(1.0)).max(0.0);
         }
-        Self { picture, count, sum, square }
+        Self { image, count, sum, square }
     }
 
     /// Whether the window around a pixel shows anything.
@@ -50,10 +50,10 @@ impl<'a> Windows<'a> {
 
     /// The rows that windows around some rows reach.
     pub(super) fn reached(&self, rows: &std::ops::Range<usize>) -> std::ops::Range<usize> {
-        rows.start.saturating_sub(REACH)..(rows.end + REACH).min(self.picture.size[1])
+        rows.start.saturating_sub(REACH)..(rows.end + REACH).min(self.image.size[1])
     }
 
-    /// The correlation with another picture of the same size in some rows, from -1 to 1; pixels out of the mask are left as they are.
+    /// The correlation with another image of the same size in some rows, from -1 to 1; pixels out of the mask are left as they are.
     pub(super) fn correlate(
         &self,
         other: &[f32],
@@ -61,8 +61,8 @@ impl<'a> Windows<'a> {
         sums: &mut Sums,
         out: &mut [f32],
     ) {
-        let own = &self.picture.brightness;
-        let [w, _] = self.picture.size;
+        let own = &self.image.brightness;
+        let [w, _] = self.image.size;
         let Sums { values, boxed, row } = sums;
         let [plain, square, product] = values;
         for values in [&mut *plain, &mut *square, &mut *product] {
@@ -70,17 +70,17 @@ impl<'a> Windows<'a> {
         }
         let reached = self.reached(&rows);
         for pixel in reached.start * w..reached.end * w {
-            let v = if self.picture.mask[pixel] { other[pixel] } else { 0.0 };
+            let v = if self.image.mask[pixel] { other[pixel] } else { 0.0 };
             plain[pixel] = v;
             square[pixel] = v * v;
             product[pixel] = v * own[pixel];
         }
         for (values, boxed) in [&*plain, &*square, &*product].into_iter().zip(&mut *boxed) {
-            box_sums(values, self.picture.size, rows.clone(), row, boxed);
+            box_sums(values, self.image.size, rows.clone(), row, boxed);
         }
         let [plain, square, product] = &*boxed;
         for pixel in rows.start * w..rows.end * w {
-            if !self.picture.mask[pixel] {
+            if !self.image.mask[pixel] {
                 continue;
             }
             let share = 1.0 / self.count[pixel];

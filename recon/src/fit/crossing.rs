@@ -172,7 +172,7 @@ mod tests {
         }
     }
 
-    /// A square around the middle of the picture, and one beside it, which turns the other way.
+    /// A square around the middle of the image, and one beside it, which turns the other way.
     #[test]
     fn lines_enter_and_leave_what_they_cross() {
         let square = |x: f32| {

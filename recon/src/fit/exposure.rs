@@ -142,7 +142,7 @@ fn summed(seen: &Photographed<'_>, colors: &[[f32; 3]]) -> Vec<Sums> {
     let one = |view: usize| {
         let mut sums = [[0.0; 3]; 3];
         seen.samples(&mut Sight::default(), view, |sample| {
-            let mix = sample.mix(seen.faces, colors);
+            let mix = sample.interpolate(seen.faces, colors);
             for c in 0..3 {
                 if !(CLIPPED[0]..CLIPPED[1]).contains(&sample.color[c]) {
                     continue;

@@ -1,10 +1,8 @@
 //! How long edges should be at each place of a surface: short where it bends, long elsewhere.
 
-use mesh_core::vector::sub;
+use mesh_core::vector::{norm, sub};
 use mesh_core::{Topology, TriMesh, coarsen, vertex_normals};
 use rayon::prelude::*;
-
-use super::shape::norm;
 
 /// The angle that an edge of the wished length spans where the surface bends, radians.
 const ANGLE: f32 = 0.7;

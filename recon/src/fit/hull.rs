@@ -65,7 +65,7 @@ impl Hull {
     /// The surface of a ball of cells that fills the hull, in units of the placement's
     /// radius around its centre: closed, outward, of genus 0. `None` for an empty hull.
     pub(super) fn surface(&self) -> Option<TriMesh> {
-        let ball = self.ball()?;
+        let ball = self.topological_ball()?;
         let mut numbers = vec![u32::MAX; (SIDE + 1).pow(3)];
         let mut mesh = TriMesh::default();
         for cell in (0..ball.len()).filter(|&c| ball[c]) {
@@ -105,7 +105,7 @@ impl Hull {
     }
 
     /// A topological ball of cells inside the hull, as large as it can grow from near the middle.
-    fn ball(&self) -> Option<Vec<bool>> {
+    fn topological_ball(&self) -> Option<Vec<bool>> {
         let middle = (SIDE / 2) as isize;
         let far = |&cell: &usize| -> isize {
             place(cell).iter().map(|&i| (i as isize - middle).pow(2)).sum()

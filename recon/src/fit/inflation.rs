@@ -48,12 +48,12 @@ pub(super) fn inflate(
     Ok(())
 }
 
-/// Where the vertices are after one round's way outward.
+/// Where the vertices are after one round outward.
 fn blown(shape: &Shape, targets: &[Target]) -> Vec<[f32; 3]> {
     let normals = vertex_normals(&shape.positions, &shape.faces);
     let moved = |(&p, n): (&[f32; 3], &[f32; 3])| {
-        let way = SHARE * room(p, targets).max(0.0);
-        std::array::from_fn(|k| p[k] + way * n[k])
+        let distance = SHARE * room(p, targets).max(0.0);
+        std::array::from_fn(|k| p[k] + distance * n[k])
     };
     shape.positions.par_iter().zip(&normals).map(moved).collect()
 }
@@ -70,11 +70,11 @@ fn room(p: [f32; 3], targets: &[Target]) -> f32 {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
+    use mesh_core::vector::norm;
     use synth::{Orbit, RenderOptions, render_views};
 
     use super::*;
     use crate::fit::distance::Blur;
-    use crate::fit::shape::norm;
 
     /// A ball with a dent that no outline shows, in views of the whole ball.
     #[test]

@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use mesh_core::bounds::longest_side;
 use rayon::prelude::*;
 
 use super::{kuhn::STEPS, placement::Placement, target::Target};
@@ -71,7 +72,7 @@ impl Lattice {
                 high[k] = high[k].max(p[k] + step);
             }
         }
-        let side = (0..3).map(|k| high[k] - low[k]).fold(0.0, f32::max);
+        let side = longest_side((low, high));
         if !(side.is_finite() && side > 0.0) {
             return None;
         }
@@ -98,7 +99,7 @@ impl Lattice {
             agreed: vec![0.0; count],
         };
         let layer = dims[0] * dims[1];
-        let eye = Eye { targets, tolerated, step };
+        let hull = HullDistance { targets, tolerated, step };
         let (mut distance, mut agreed) =
             (std::mem::take(&mut lattice.distance), std::mem::take(&mut lattice.agreed));
         distance
@@ -106,16 +107,22 @@ impl Lattice {
             .zip(agreed.par_chunks_mut(layer * BLOCK))
             .enumerate()
             .for_each(|(slab, (distance, agreed))| {
-                lattice.slab(&eye, slab * BLOCK, distance, agreed);
+                lattice.slab(&hull, slab * BLOCK, distance, agreed);
             });
         Self { distance, agreed, ..lattice }
     }
 
     /// A few layers, from `bottom` on, block by block.
-    fn slab(&self, eye: &Eye<'_>, bottom: usize, distance: &mut [f32], agreed: &mut [f32]) {
+    fn slab(
+        &self,
+        hull: &HullDistance<'_>,
+        bottom: usize,
+        distance: &mut [f32],
+        agreed: &mut [f32],
+    ) {
         let [nx, ny, _] = self.dims;
         let layers = distance.len() / (nx * ny);
-        let mut slab = Slab { lattice: self, eye, bottom, distance, agreed, found: Vec::new() };
+        let mut slab = Slab { lattice: self, hull, bottom, distance, agreed, found: Vec::new() };
         for y in (0..ny).step_by(BLOCK) {
             for x in (0..nx).step_by(BLOCK) {
                 slab.measure([x, y, bottom], [BLOCK.min(nx - x), BLOCK.min(ny - y), layers]);
@@ -222,11 +229,11 @@ impl Lattice {
 /// Layers that are being measured.
 struct Slab<'a> {
     lattice: &'a Lattice,
-    eye: &'a Eye<'a>,
+    hull: &'a HullDistance<'a>,
     bottom: usize,
     distance: &'a mut [f32],
     agreed: &'a mut [f32],
-    /// Room for [`Eye::look`].
+    /// Room for [`HullDistance::at`].
     found: Vec<f32>,
 }
 
@@ -239,7 +246,7 @@ impl Slab<'_> {
         });
         let across = size.iter().map(|&n| (n as f32 - 1.0).powi(2)).sum::<f32>().sqrt();
         let [outside, inside] = NEAR.map(|near| SLACK * 0.5 * across + near);
-        let whole = self.eye.look(middle, outside, &mut self.found);
+        let whole = self.hull.at(middle, outside, &mut self.found);
         if whole[1] > outside || whole[0] < -inside || size == [1; 3] {
             self.fill(first, size, whole);
             return;
@@ -292,16 +299,16 @@ fn tolerated(targets: &[Target], half: f32) -> usize {
     (0..side.pow(3)).into_par_iter().map(outside).min().unwrap_or(0)
 }
 
-/// All views of a point.
-struct Eye<'a> {
+/// How far points are from the visual hull of all views but some, in steps of a lattice.
+struct HullDistance<'a> {
     targets: &'a [Target],
     tolerated: usize,
     step: f32,
 }
 
-impl Eye<'_> {
+impl HullDistance<'_> {
     /// How far outside the masks a point is: for all views but those tolerated, and for one less. From `enough` on no view is asked any more.
-    fn look(&self, point: [f32; 3], enough: f32, largest: &mut Vec<f32>) -> [f32; 2] {
+    fn at(&self, point: [f32; 3], enough: f32, largest: &mut Vec<f32>) -> [f32; 2] {
         largest.clear();
         largest.resize(self.tolerated + 2, f32::NEG_INFINITY);
         for target in self.targets {

@@ -153,7 +153,7 @@ pub(super) fn borders(
             let point = if axis == 0 { [at, line] } else { [line, at] };
             let distance = target.distance(point[0], point[1]);
             if distance < 0.0 && !(0.0..=limit as f32).contains(&at) {
-                return; // the picture cuts the object off: nothing is known beyond its border
+                return; // the image cuts the object off: nothing is known beyond its border
             }
             let weight = along.abs() * stride as f32;
             let ends = surface.edges.ends(contour[crossing.edge()]);

@@ -15,7 +15,7 @@ use serde::Serialize;
 
 use super::config::FitConfig;
 use super::error::FitError;
-use super::picture::{Drawn, Picture};
+use super::gray_image::{Drawn, GrayImage};
 use super::shape::Shape;
 use super::stereo::{self, DepthMap};
 use super::target::Target;
@@ -23,7 +23,7 @@ use super::target::Target;
 /// One way of following depths.
 #[derive(Clone, Copy, Debug)]
 struct Stage {
-    /// The object's longer side in the pictures that are compared, in pixels.
+    /// The object's longer side in the images that are compared, in pixels.
     side: usize,
     /// Steps, at most.
     steps: usize,
@@ -80,11 +80,11 @@ pub(super) fn hollow(
     step: usize,
     cancelled: &dyn Fn() -> bool,
 ) -> Result<Option<PhotoConsistency>, FitError> {
-    let pictures = |side: usize| -> Vec<Picture> {
+    let images = |side: usize| -> Vec<GrayImage> {
         let pairs = targets.par_iter().zip(views);
-        pairs.map(|(target, view)| Picture::new(target, view, side)).collect()
+        pairs.map(|(target, view)| GrayImage::new(target, view, side)).collect()
     };
-    let [coarse, fine] = [COARSE, FINE].map(|stage| pictures(stage.side));
+    let [coarse, fine] = [COARSE, FINE].map(|stage| images(stage.side));
     let agreement = |shape: &Shape| stereo::agreement(&fine, &shape.positions, &shape.faces);
     let given = (shape.positions.clone(), agreement(shape), shape.mask_iou(targets));
     for round in 1..=ROUNDS {
@@ -94,14 +94,14 @@ pub(super) fn hollow(
             shape.place(given.0);
             return Ok(None);
         }
-        let seen = Seen { targets, pictures: &coarse, maps: &maps };
+        let seen = Seen { targets, images: &coarse, maps: &maps };
         // What is left after the first is near.
         let stage = Stage { share: COARSE.share / (round * round) as f32, ..COARSE };
         follow(shape, &seen, stage, config, step, cancelled)?;
     }
     for _ in 0..ROUNDS {
         let maps = stereo::around(&fine, &shape.positions, &shape.faces);
-        let seen = Seen { targets, pictures: &fine, maps: &maps };
+        let seen = Seen { targets, images: &fine, maps: &maps };
         follow(shape, &seen, FINE, config, step, cancelled)?;
     }
     let mut mended = shape.positions.clone();
@@ -119,7 +119,7 @@ pub(super) fn hollow(
 /// Views, and how far away they see the surface.
 struct Seen<'a> {
     targets: &'a [Target],
-    pictures: &'a [Picture],
+    images: &'a [GrayImage],
     maps: &'a [DepthMap],
 }
 
@@ -133,8 +133,7 @@ fn follow(
     cancelled: &dyn Fn() -> bool,
 ) -> Result<(), FitError> {
     let all: Vec<usize> = (0..seen.targets.len()).collect();
-    let faces = Faces::new(shape.positions.len(), &shape.faces);
-    let drawn = Arc::new(faces.expect("the faces of a fitted mesh name its vertices"));
+    let drawn = Faces::of_valid(shape.positions.len(), &shape.faces);
     let mut distances = Vec::with_capacity(stage.steps);
     for k in 0..stage.steps {
         let (pulls, distance) = seen.pulls(&shape.positions, &shape.faces, &drawn, stage.sure);
@@ -172,7 +171,7 @@ impl Seen<'_> {
             let (mut sight, mut sums) = (Drawn::default(), vec![0.0; positions.len()]);
             let mut distance = [0.0; 2];
             for &view in views {
-                self.pictures[view].draw(positions, drawn, &mut sight);
+                self.images[view].draw(positions, drawn, &mut sight);
                 self.off(view, &sight, &of_faces, |face, shares, scale, off| {
                     distance = [distance[0] + f64::from(off.abs()), distance[1] + 1.0];
                     let pull = scale * (off.abs() - sure).clamp(0.0, FARTHEST).copysign(off);
@@ -201,13 +200,13 @@ impl Seen<'_> {
         normals: &[[f32; 3]],
         mut visit: impl FnMut(usize, [f32; 3], f32, f32),
     ) {
-        let picture = &self.pictures[view];
-        let w = picture.size[0];
-        let per_depth = 1.0 / picture.depth_per_unit();
+        let image = &self.images[view];
+        let w = image.size[0];
+        let per_depth = 1.0 / image.depth_per_unit();
         let known = self.maps[view].iter().enumerate().filter(|(_, depth)| !depth.is_nan());
         for (pixel, &depth) in known {
             let Some((face, there)) = drawn.at(pixel) else { continue };
-            let towards = picture.towards((pixel % w) as f32 + 0.5, (pixel / w) as f32 + 0.5);
+            let towards = image.towards((pixel % w) as f32 + 0.5, (pixel / w) as f32 + 0.5);
             let facing = dot(towards, normals[face as usize]);
             if facing < SLANT {
                 continue;
@@ -241,24 +240,24 @@ mod tests {
             .iter()
             .map(|view| Target::new(view, Blur::plain(1.0), 0.15, 0.3).unwrap())
             .collect();
-        let pictures: Vec<Picture> =
-            targets.iter().zip(&views).map(|(t, view)| Picture::new(t, view, 256)).collect();
-        let faces = Arc::new(Faces::new(ball.positions.len(), &ball.faces).unwrap());
+        let images: Vec<GrayImage> =
+            targets.iter().zip(&views).map(|(t, view)| GrayImage::new(t, view, 256)).collect();
+        let faces = Faces::of_valid(ball.positions.len(), &ball.faces);
         let depths = |radius: f32| -> Vec<DepthMap> {
             let positions: Vec<[f32; 3]> =
                 ball.positions.iter().map(|p| p.map(|v| radius * v)).collect();
-            let map = |picture: &Picture| {
+            let map = |image: &GrayImage| {
                 let mut drawn = Drawn::default();
-                picture.draw(&positions, &faces, &mut drawn);
-                (0..picture.mask.len())
+                image.draw(&positions, &faces, &mut drawn);
+                (0..image.mask.len())
                     .map(|pixel| drawn.at(pixel).map_or(f32::NAN, |(_, depth)| depth))
                     .collect()
             };
-            pictures.iter().map(map).collect()
+            images.iter().map(map).collect()
         };
         let pulled = |radius: f32| {
             let maps = depths(radius);
-            let seen = Seen { targets: &targets, pictures: &pictures, maps: &maps };
+            let seen = Seen { targets: &targets, images: &images, maps: &maps };
             seen.pulls(&ball.positions, &ball.faces, &faces, 0.0)
         };
         let (pulls, distance) = pulled(0.9);

@@ -32,7 +32,7 @@ pub struct Placement {
 /// [`FitError::Placement`] if the cameras look along one line, or no cell of the grid is seen inside
 /// the masks of three quarters of the views.
 pub(super) fn place(views: &[&View], targets: &mut [Target]) -> Result<Placement, FitError> {
-    let (mut center, mut half) = cones(views)?;
+    let (mut center, mut half) = bounding_sphere(views)?;
     let mut placement = Placement { center, radius: half, half_extent: half };
     for pass in 0..2 {
         for target in targets.iter_mut() {
@@ -68,7 +68,7 @@ pub(super) fn place(views: &[&View], targets: &mut [Target]) -> Result<Placement
 ///
 /// # Errors
 /// If the views look along one line, so that no point is nearest.
-pub fn cones(views: &[&View]) -> Result<([f64; 3], f64), FitError> {
+pub fn bounding_sphere(views: &[&View]) -> Result<([f64; 3], f64), FitError> {
     let axes = views.iter().filter_map(|view| {
         let [top, left, rows, columns] = view.mask_bounds()?.map(|n| n as f64);
         Some(view.camera.ray(left + columns / 2.0, top + rows / 2.0))

@@ -5,12 +5,12 @@
 //! the hull on its ray that is nearest to the prediction is added, with what of the hull lies between: the leg of a chair whose
 //! prediction has it a little beside.
 
+use mesh_core::vector::norm;
 use mesh_core::{ClosestPoint, Topology, TriMesh, voxelize_solid};
 use rayon::prelude::*;
 
 use super::{
-    hull, lattice::Lattice, placement::Placement, shape::norm, skin::skin, solid::Solid,
-    target::Target,
+    hull, lattice::Lattice, placement::Placement, skin::skin, solid::Solid, target::Target,
 };
 
 /// Points of the lattice along its longest side.

@@ -1,7 +1,8 @@
 //! A mesh that is nearly right, moved until its outlines agree with a few views.
 
 use datasets::View;
-use mesh_core::{ClosestPoint, Topology, TriMesh, untangle};
+use mesh_core::vector::widen;
+use mesh_core::{ClosestPoint, Topology, TriMesh, bounds, untangle};
 use rayon::prelude::*;
 use train::settings::{LARGEST, Options as _};
 
@@ -199,9 +200,8 @@ fn closest_colors(mesh: &TriMesh, colors: &[[f32; 3]], positions: &[[f32; 3]]) -
 fn frame(mesh: &TriMesh) -> Result<([f64; 3], f64), FitError> {
     let none = || FitError::Placement { reason: "the mesh has no size".to_owned() };
     let (low, high) = mesh.bounds().ok_or_else(none)?;
-    let [low, high] = [low, high].map(|corner| corner.map(f64::from));
-    let center = std::array::from_fn(|k| 0.5 * (low[k] + high[k]));
-    let radius = (0..3).map(|k| 0.5 * (high[k] - low[k])).fold(0.0, f64::max);
+    let around = (widen(low), widen(high));
+    let (center, radius) = (bounds::center(around), 0.5 * bounds::longest_side(around));
     if radius > 0.0 && radius.is_finite() { Ok((center, radius)) } else { Err(none()) }
 }
 

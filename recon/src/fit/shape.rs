@@ -1,13 +1,14 @@
-//! The mesh that is fitted, and the step that moves it.
+//! The mesh that is fitted, and what pulls at it.
 
-use mesh_core::vector::{cross, sub};
-use mesh_core::{DiffusionSolver, Subdivision, Topology, primitives};
+use mesh_core::vector::{cross, norm, sub};
+use mesh_core::{Subdivision, Topology, primitives};
 use rayon::prelude::*;
 
 use super::{
     config::FitConfig,
     contour::{AT_ONCE, Edges, Surface},
     error::FitError,
+    optimizer::Optimizer,
     outline::{self, Border, Measure, Scratch},
     planes::Planes,
     target::Target,
@@ -15,12 +16,6 @@ use super::{
 
 /// Views whose gradients are summed one after the other; the sums are added in order.
 const CHUNK: usize = 4;
-/// Momentum and second-moment decay of the optimiser.
-const BETAS: (f32, f32) = (0.9, 0.99);
-/// How well a gradient or a way is smoothed, as a share of it: what is left is less than the next step changes.
-const TOLERANCE: f64 = 0.01;
-/// Iterations of that, at most.
-const ITERATIONS: usize = 200;
 
 /// The mesh of one level, in the normalised frame in which it starts as the unit sphere.
 #[derive(Debug)]
@@ -51,23 +46,6 @@ struct Chunk {
     blind: usize,
 }
 
-/// Adam with one learning rate for all coordinates, on the variables `u = (I + lambda L) x`.
-///
-/// A gradient step on `u` moves the vertices by the gradient smoothed twice, which is what lets
-/// steps be large without tearing the surface; one learning rate for all coordinates keeps the
-/// direction that the smoothing made. As `x` follows `u` linearly, it moves by the way of `u`, smoothed: that is known after fewer
-/// iterations than all of `x`, the more so as it differs little from the last one.
-#[derive(Debug)]
-struct Optimizer {
-    diffusion: DiffusionSolver,
-    smooth_gradient: Vec<[f32; 3]>,
-    first: Vec<[f32; 3]>,
-    second: Vec<[f32; 3]>,
-    /// The first moment, smoothed.
-    way: Vec<[f32; 3]>,
-    steps: i32,
-}
-
 /// The losses of a step, each already weighted.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Terms {
@@ -91,14 +69,7 @@ impl Shape {
         let topology = Topology::new(positions.len(), &faces);
         let edges = Edges::new(&topology, &faces);
         let zeros = || vec![[0.0; 3]; positions.len()];
-        let optimizer = Optimizer {
-            diffusion: DiffusionSolver::new(&topology, config.smoothness),
-            smooth_gradient: zeros(),
-            first: zeros(),
-            second: zeros(),
-            way: zeros(),
-            steps: 0,
-        };
+        let optimizer = Optimizer::new(&topology, config.smoothness);
         Self {
             gradient: zeros(),
             laplacian: zeros(),
@@ -362,34 +333,10 @@ impl Shape {
             .iter()
             .map(|e| {
                 let d = sub(self.positions[e[0] as usize], self.positions[e[1] as usize]);
-                f64::from(d.iter().map(|v| v * v).sum::<f32>().sqrt())
+                f64::from(norm(d))
             })
             .sum();
         (total / self.topology.edges.len().max(1) as f64) as f32
-    }
-}
-
-impl Optimizer {
-    fn step(&mut self, gradient: &[[f32; 3]], positions: &mut [[f32; 3]], rate: f32) {
-        self.diffusion.solve(gradient, &mut self.smooth_gradient, TOLERANCE, ITERATIONS);
-        self.steps += 1;
-        let (b1, b2) = BETAS;
-        let mut largest = 0.0f32;
-        for (i, g) in self.smooth_gradient.iter().enumerate() {
-            for k in 0..3 {
-                self.first[i][k] = b1 * self.first[i][k] + (1.0 - b1) * g[k];
-                self.second[i][k] = b2 * self.second[i][k] + (1.0 - b2) * g[k] * g[k];
-                largest = largest.max(self.second[i][k]);
-            }
-        }
-        let (c1, c2) = (1.0 - b1.powi(self.steps), 1.0 - b2.powi(self.steps));
-        let length = rate / c1 / ((largest / c2).sqrt() + 1e-20);
-        self.diffusion.solve(&self.first, &mut self.way, TOLERANCE, ITERATIONS);
-        for (x, way) in positions.iter_mut().zip(&self.way) {
-            for k in 0..3 {
-                x[k] -= length * way[k];
-            }
-        }
     }
 }
 
@@ -406,9 +353,4 @@ fn ring_offset(rings: &mesh_core::Csr, x: &[[f32; 3]], out: &mut [[f32; 3]]) {
         let share = 1.0 / ring.len().max(1) as f32;
         *out = std::array::from_fn(|k| x[i][k] - share * sum[k]);
     }
-}
-
-#[inline]
-pub(super) fn norm(v: [f32; 3]) -> f32 {
-    v.iter().map(|x| x * x).sum::<f32>().sqrt()
 }

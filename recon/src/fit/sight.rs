@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use datasets::View;
 use diff_raster::{Faces, Fragments, NONE, Scratch, Settings, rasterize_into};
-use mesh_core::vector::{cross, sub};
+use mesh_core::vector::{cross, interpolate, norm, sub};
 use ndarray::ArrayView3;
 use rayon::prelude::*;
 
@@ -35,11 +35,9 @@ pub(super) struct Sample {
 
 impl Sample {
     /// What vertex colours are at the pixel.
-    pub(super) fn mix(&self, faces: &[[u32; 3]], colors: &[[f32; 3]]) -> [f32; 3] {
-        let [a, b, c] = faces[self.face as usize].map(|v| colors[v as usize]);
-        std::array::from_fn(|k| {
-            self.barycentric[0] * a[k] + self.barycentric[1] * b[k] + self.barycentric[2] * c[k]
-        })
+    pub(super) fn interpolate(&self, faces: &[[u32; 3]], colors: &[[f32; 3]]) -> [f32; 3] {
+        let corners = faces[self.face as usize].map(|v| colors[v as usize]);
+        interpolate(self.barycentric, &corners)
     }
 }
 
@@ -61,8 +59,7 @@ impl<'a> Photographed<'a> {
         positions: &'a [[f32; 3]],
         faces: &'a [[u32; 3]],
     ) -> Self {
-        let drawn = Faces::new(positions.len(), faces);
-        let drawn = Arc::new(drawn.expect("the faces of a fitted mesh name its vertices"));
+        let drawn = Faces::of_valid(positions.len(), faces);
         let mut seen = Self { views, targets, positions, faces, drawn, kept: Vec::new() };
         if targets.iter().map(Target::mask_area).sum::<usize>() <= KEPT {
             let kept = |sight: &mut Sight, view: usize| {
@@ -113,7 +110,7 @@ impl Sight {
         let seen = (b[1] - a[1]) * (c[0] - a[0]) - (b[0] - a[0]) * (c[1] - a[1]);
         let [p, q, r] = face.map(|v| positions[v as usize]);
         let normal = cross(sub(q, p), sub(r, p));
-        let area = normal.iter().map(|n| n * n).sum::<f32>().sqrt();
+        let area = norm(normal);
         let scale = target.pixels_per_unit((a[2] + b[2] + c[2]) / 3.0);
         (seen / (area * scale * scale).max(1e-20)).clamp(0.0, 1.0)
     }

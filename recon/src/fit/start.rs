@@ -74,8 +74,8 @@ impl Start {
         let Some((lattice, solid)) = found else { return (Self::Sphere, None) };
         let holed = solid.genus > 0 || solid.components > 1;
         if holed && config.topology == TopologyKind::Sphere {
-            let ball = slender.then(|| ball(views, targets, placement)).flatten();
-            return (ball.unwrap_or(Self::Sphere), Some(cut(&solid)));
+            let inside = slender.then(|| sphere_inside(views, targets, placement)).flatten();
+            return (inside.unwrap_or(Self::Sphere), Some(cut(&solid)));
         }
         // Without a hole too: where a mask shows one, arms or handles reach around it, and a sphere loses such.
         let mesh = skin(&lattice, &solid.inside);
@@ -99,8 +99,8 @@ impl Start {
     }
 }
 
-/// A ball grown inside the hull: what is left of an object with holes if it must be a sphere.
-fn ball(views: &[&View], targets: &mut [Target], placement: &Placement) -> Option<Start> {
+/// A surface of genus 0 grown inside the hull: what is left of an object with holes if it must be a sphere.
+fn sphere_inside(views: &[&View], targets: &mut [Target], placement: &Placement) -> Option<Start> {
     let hull = Hull::of(views, targets, placement);
     for target in targets {
         target.place(placement.center, placement.radius);

@@ -14,16 +14,15 @@
 //! (confirmation and contradiction by other views).
 
 use std::ops::Range;
-use std::sync::Arc;
 
 use diff_raster::Faces;
 use mesh_core::vector::dot;
 use rayon::prelude::*;
 
 use super::correlation::{Sums, Windows};
-use super::picture::{Drawn, Picture};
+use super::gray_image::{Drawn, GrayImage};
 
-/// Neighbours that a picture is compared with, and how many of them count.
+/// Neighbours that an image is compared with, and how many of them count.
 const NEIGHBORS: (usize, usize) = (5, 2);
 /// Angles between the directions of neighbours, in radians, at least and at most.
 const ANGLES: [f32; 2] = [0.07, 0.9];
@@ -52,27 +51,25 @@ pub(super) type DepthMap = Vec<f32>;
 
 /// Of the rays that the mesh encloses, all views' depths.
 pub(super) fn sweep(
-    pictures: &[Picture],
+    images: &[GrayImage],
     positions: &[[f32; 3]],
     faces: &[[u32; 3]],
 ) -> Vec<DepthMap> {
-    let over = |faces: &[[u32; 3]]| {
-        Arc::new(Faces::new(positions.len(), faces).expect("the faces of a fitted mesh"))
-    };
+    let over = |faces: &[[u32; 3]]| Faces::of_valid(positions.len(), faces);
     let backs: Vec<[u32; 3]> = faces.iter().map(|&[a, b, c]| [a, c, b]).collect();
     let (fronts, backs) = (over(faces), over(&backs));
-    of_each(pictures, |picture, neighbors| {
+    of_each(images, |image, neighbors| {
         let mut drawn = Drawn::default();
-        let mut range = vec![[f32::INFINITY, 0.0]; picture.mask.len()];
+        let mut range = vec![[f32::INFINITY, 0.0]; image.mask.len()];
         for (end, faces) in [&fronts, &backs].into_iter().enumerate() {
-            picture.draw(positions, faces, &mut drawn);
+            image.draw(positions, faces, &mut drawn);
             for (pixel, range) in range.iter_mut().enumerate() {
-                if let (true, Some((_, depth))) = (picture.mask[pixel], drawn.at(pixel)) {
+                if let (true, Some((_, depth))) = (image.mask[pixel], drawn.at(pixel)) {
                     range[end] = depth;
                 }
             }
         }
-        let planes = planes(picture, neighbors, &range);
+        let planes = planes(image, neighbors, &range);
         let surface = |plane: usize, _: usize| planes[plane];
         let counts = |plane: usize, pixel: usize| {
             // One plane before the mesh too, so that the mesh itself can be a peak.
@@ -80,81 +77,81 @@ pub(super) fn sweep(
             let next = planes.get(plane + 1).copied().unwrap_or(f32::INFINITY);
             near < far && next >= near && planes[plane] <= far
         };
-        best(picture, neighbors, planes.len(), &surface, &counts, DISTINCT[0])
+        best(image, neighbors, planes.len(), &surface, &counts, DISTINCT[0])
     })
 }
 
 /// Of the neighbourhood of the mesh, all views' depths.
 pub(super) fn around(
-    pictures: &[Picture],
+    images: &[GrayImage],
     positions: &[[f32; 3]],
     faces: &[[u32; 3]],
 ) -> Vec<DepthMap> {
-    let faces = Arc::new(Faces::new(positions.len(), faces).expect("the faces of a fitted mesh"));
-    of_each(pictures, |picture, neighbors| {
+    let faces = Faces::of_valid(positions.len(), faces);
+    of_each(images, |image, neighbors| {
         let mut drawn = Drawn::default();
-        picture.draw(positions, &faces, &mut drawn);
-        let depth: Vec<f32> = (0..picture.mask.len())
+        image.draw(positions, &faces, &mut drawn);
+        let depth: Vec<f32> = (0..image.mask.len())
             .map(|pixel| drawn.at(pixel).map_or(f32::NAN, |(_, depth)| depth))
             .collect();
         let middle = depth.iter().copied().find(|d| !d.is_nan()).unwrap_or(1.0);
         // How much depth moves a point by a step in the neighbour in which it moves most.
-        let unit = picture.width_at(middle) * picture.depth_per_unit();
-        let step = STEP * unit / shift(picture, neighbors, middle, middle + unit).max(0.05);
+        let unit = image.width_at(middle) * image.depth_per_unit();
+        let step = STEP * unit / shift(image, neighbors, middle, middle + unit).max(0.05);
         let surface = |k: usize, pixel: usize| depth[pixel] + (k as f32 - AROUND as f32) * step;
         // What is best at the end of the search is not a peak.
         let counts = |k: usize, pixel: usize| k > 0 && k < 2 * AROUND && !depth[pixel].is_nan();
-        best(picture, neighbors, 2 * AROUND + 1, &surface, &counts, DISTINCT[1])
+        best(image, neighbors, 2 * AROUND + 1, &surface, &counts, DISTINCT[1])
     })
 }
 
 /// How well views agree about the mesh: the mean, over pixels that show something, of the correlation with the neighbours that agree
 /// best.
-pub(super) fn agreement(pictures: &[Picture], positions: &[[f32; 3]], faces: &[[u32; 3]]) -> f64 {
-    let faces = Arc::new(Faces::new(positions.len(), faces).expect("the faces of a fitted mesh"));
+pub(super) fn agreement(images: &[GrayImage], positions: &[[f32; 3]], faces: &[[u32; 3]]) -> f64 {
+    let faces = Faces::of_valid(positions.len(), faces);
     let one = |view: usize| {
-        let (picture, neighbors) = (&pictures[view], neighbors(pictures, view));
+        let (image, neighbors) = (&images[view], neighbors(images, view));
         let kept = NEIGHBORS.1.min(neighbors.len());
         let mut drawn = Drawn::default();
-        picture.draw(positions, &faces, &mut drawn);
+        image.draw(positions, &faces, &mut drawn);
         let depth = |pixel: usize| drawn.at(pixel).map_or(f32::NAN, |(_, depth)| depth);
-        let (own, mut sums) = (Windows::new(picture), Sums::default());
-        let mut warped = vec![0.0; picture.mask.len()];
+        let (own, mut sums) = (Windows::new(image), Sums::default());
+        let mut warped = vec![0.0; image.mask.len()];
         let mut scores: Vec<Vec<f32>> = vec![warped.clone(); neighbors.len()];
-        let rows = 0..picture.size[1];
+        let rows = 0..image.size[1];
         for (other, score) in neighbors.iter().zip(&mut scores) {
-            warp(picture, other, rows.clone(), &depth, &mut warped);
+            warp(image, other, rows.clone(), &depth, &mut warped);
             own.correlate(&warped, rows.clone(), &mut sums, score);
         }
         let mut sum = [0.0; 2];
-        for pixel in (0..picture.mask.len()).filter(|_| kept > 0) {
-            if picture.mask[pixel] && own.is_textured(pixel) && !depth(pixel).is_nan() {
+        for pixel in (0..image.mask.len()).filter(|_| kept > 0) {
+            if image.mask[pixel] && own.is_textured(pixel) && !depth(pixel).is_nan() {
                 let score = f64::from(mean_of_best(&scores, pixel, kept));
                 sum = [sum[0] + score, sum[1] + 1.0];
             }
         }
         sum
     };
-    let sums: Vec<[f64; 2]> = (0..pictures.len()).into_par_iter().map(one).collect();
+    let sums: Vec<[f64; 2]> = (0..images.len()).into_par_iter().map(one).collect();
     let [sum, count] = [0, 1].map(|k| sums.iter().map(|sum| sum[k]).sum::<f64>());
     sum / count.max(1.0)
 }
 
 /// Depths view by view, and of these what others confirm.
 fn of_each(
-    pictures: &[Picture],
-    found: impl Fn(&Picture, &[&Picture]) -> DepthMap + Sync,
+    images: &[GrayImage],
+    found: impl Fn(&GrayImage, &[&GrayImage]) -> DepthMap + Sync,
 ) -> Vec<DepthMap> {
-    let all = 0..pictures.len();
-    let one = |k: usize| found(&pictures[k], &neighbors(pictures, k));
+    let all = 0..images.len();
+    let one = |k: usize| found(&images[k], &neighbors(images, k));
     let maps: Vec<DepthMap> = all.clone().into_par_iter().with_max_len(1).map(one).collect();
-    all.into_par_iter().map(|k| confirmed(pictures, &maps, k)).collect()
+    all.into_par_iter().map(|k| confirmed(images, &maps, k)).collect()
 }
 
 /// The views that a view is compared with: near enough to show the same, far enough apart for depth to be seen.
-fn neighbors(pictures: &[Picture], view: usize) -> Vec<&Picture> {
-    let from = pictures[view].from;
-    let mut found: Vec<(f32, usize)> = pictures
+fn neighbors(images: &[GrayImage], view: usize) -> Vec<&GrayImage> {
+    let from = images[view].from;
+    let mut found: Vec<(f32, usize)> = images
         .iter()
         .enumerate()
         .map(|(k, other)| (dot(from, other.from).clamp(-1.0, 1.0).acos(), k))
@@ -162,14 +159,14 @@ fn neighbors(pictures: &[Picture], view: usize) -> Vec<&Picture> {
         .map(|(angle, k)| ((angle / LIKED).ln().abs(), k))
         .collect();
     found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    found.iter().take(NEIGHBORS.0).map(|&(_, k)| &pictures[k]).collect()
+    found.iter().take(NEIGHBORS.0).map(|&(_, k)| &images[k]).collect()
 }
 
-/// How far a point before the middle of a picture moves in the neighbour in which it moves most, in pixels.
-fn shift(picture: &Picture, neighbors: &[&Picture], near: f32, far: f32) -> f32 {
-    let [x, y] = picture.size.map(|s| 0.5 * s as f32);
-    let ends = [near, far].map(|depth| picture.point(x, y, depth));
-    let one = |other: &&Picture| {
+/// How far a point before the middle of an image moves in the neighbour in which it moves most, in pixels.
+fn shift(image: &GrayImage, neighbors: &[&GrayImage], near: f32, far: f32) -> f32 {
+    let [x, y] = image.size.map(|s| 0.5 * s as f32);
+    let ends = [near, far].map(|depth| image.point(x, y, depth));
+    let one = |other: &&GrayImage| {
         let [a, b] = ends.map(|p| other.project(p));
         (a[0] - b[0]).hypot(a[1] - b[1])
     };
@@ -177,18 +174,18 @@ fn shift(picture: &Picture, neighbors: &[&Picture], near: f32, far: f32) -> f32 
 }
 
 /// The depths of the planes: a point moves by [`STEP`] from one to the next where it moves most.
-fn planes(picture: &Picture, neighbors: &[&Picture], range: &[[f32; 2]]) -> Vec<f32> {
+fn planes(image: &GrayImage, neighbors: &[&GrayImage], range: &[[f32; 2]]) -> Vec<f32> {
     let known = range.iter().filter(|r| r[0] < r[1]);
     let [near, far] =
         known.fold([f32::INFINITY, 0.0f32], |[near, far], r| [near.min(r[0]), far.max(r[1])]);
     if near >= far {
         return Vec::new();
     }
-    let longest = shift(picture, neighbors, near, far);
+    let longest = shift(image, neighbors, near, far);
     let count = ((longest / STEP).ceil() as usize).clamp(PLANES[0], PLANES[1]);
     let between = |k: usize| {
         let share = k as f32 / (count - 1) as f32;
-        if picture.perspective {
+        if image.perspective {
             1.0 / (1.0 / near + share * (1.0 / far - 1.0 / near))
         } else {
             near + share * (far - near)
@@ -200,15 +197,15 @@ fn planes(picture: &Picture, neighbors: &[&Picture], range: &[[f32; 2]]) -> Vec<
 /// The depth of each pixel at which the neighbours agree best, of `count` surfaces from the nearest to the farthest; `counts` says which
 /// of them a pixel is searched on.
 fn best(
-    picture: &Picture,
-    neighbors: &[&Picture],
+    image: &GrayImage,
+    neighbors: &[&GrayImage],
     count: usize,
     surface: &dyn Fn(usize, usize) -> f32,
     counts: &dyn Fn(usize, usize) -> bool,
     distinct: f32,
 ) -> DepthMap {
-    let [w, h] = picture.size;
-    let (kept, own) = (NEIGHBORS.1.min(neighbors.len()), Windows::new(picture));
+    let [w, h] = image.size;
+    let (kept, own) = (NEIGHBORS.1.min(neighbors.len()), Windows::new(image));
     let mut map = vec![f32::NAN; w * h];
     if kept == 0 {
         return map;
@@ -220,7 +217,7 @@ fn best(
     for (k, found) in all.chunks_exact_mut(w * h).enumerate() {
         let searched = |row: &usize| {
             let mut pixels = row * w..(row + 1) * w;
-            pixels.any(|pixel| picture.mask[pixel] && counts(k, pixel))
+            pixels.any(|pixel| image.mask[pixel] && counts(k, pixel))
         };
         let (Some(first), Some(last)) = ((0..h).find(searched), (0..h).rfind(searched)) else {
             continue;
@@ -228,14 +225,14 @@ fn best(
         let rows = first..last + 1;
         for (other, score) in neighbors.iter().zip(&mut scores) {
             let depth = |pixel: usize| surface(k, pixel);
-            warp(picture, other, own.reached(&rows), &depth, &mut warped);
+            warp(image, other, own.reached(&rows), &depth, &mut warped);
             own.correlate(&warped, rows.clone(), &mut sums, score);
         }
-        for pixel in (first * w..(last + 1) * w).filter(|&p| picture.mask[p] && counts(k, p)) {
+        for pixel in (first * w..(last + 1) * w).filter(|&p| image.mask[p] && counts(k, p)) {
             found[pixel] = mean_of_best(&scores, pixel, kept);
         }
     }
-    for pixel in (0..w * h).filter(|&pixel| picture.mask[pixel] && own.is_textured(pixel)) {
+    for pixel in (0..w * h).filter(|&pixel| image.mask[pixel] && own.is_textured(pixel)) {
         let score = |k: usize| all[k * w * h + pixel];
         if let Some(place) = peak(count, distinct, score) {
             map[pixel] = between(place, |k| surface(k, pixel));
@@ -269,24 +266,23 @@ fn between(place: f32, depth: impl Fn(usize) -> f32) -> f32 {
     if share > 0.0 { here + share * (depth(k + 1) - here) } else { here }
 }
 
-/// Another picture as a surface before this camera shows it, in some rows.
+/// Another image as a surface before this camera shows it, in some rows.
 fn warp(
-    picture: &Picture,
-    other: &Picture,
+    image: &GrayImage,
+    other: &GrayImage,
     rows: Range<usize>,
     depth: &dyn Fn(usize) -> f32,
     out: &mut [f32],
 ) {
-    let w = picture.size[0];
+    let w = image.size[0];
     for row in rows {
         // Along a row, points at one depth are linear before the other camera's division.
-        let place =
-            |x: f32, depth: f32| other.homogeneous(picture.point(x, row as f32 + 0.5, depth));
+        let place = |x: f32, depth: f32| other.homogeneous(image.point(x, row as f32 + 0.5, depth));
         let mut known = f32::NAN;
-        let (mut start, mut slope) = ([0.0; 3], [0.0; 3]);
+        let (mut start, mut increment) = ([0.0; 3], [0.0; 3]);
         for column in 0..w {
             let pixel = row * w + column;
-            if !picture.mask[pixel] {
+            if !image.mask[pixel] {
                 continue;
             }
             let depth = depth(pixel);
@@ -295,7 +291,7 @@ fn warp(
                 continue;
             }
             let q: [f32; 3] = if depth == known {
-                std::array::from_fn(|k| start[k] + column as f32 * slope[k])
+                std::array::from_fn(|k| start[k] + column as f32 * increment[k])
             } else {
                 let next = pixel + 1;
                 let q = place(column as f32 + 0.5, depth);
@@ -304,7 +300,7 @@ fn warp(
                     known = depth;
                     let [a, b] = [0.5, 1.5].map(|x| place(x, depth));
                     start = a;
-                    slope = std::array::from_fn(|k| b[k] - a[k]);
+                    increment = std::array::from_fn(|k| b[k] - a[k]);
                 }
                 q
             };
@@ -325,19 +321,19 @@ fn mean_of_best(scores: &[Vec<f32>], pixel: usize, kept: usize) -> f32 {
 }
 
 /// What enough other depth maps confirm of one, and no more contradict.
-fn confirmed(pictures: &[Picture], maps: &[DepthMap], view: usize) -> DepthMap {
-    let (own, mut map) = (&pictures[view], maps[view].clone());
+fn confirmed(images: &[GrayImage], maps: &[DepthMap], view: usize) -> DepthMap {
+    let (own, mut map) = (&images[view], maps[view].clone());
     let others: Vec<usize> = (0..maps.len())
-        .filter(|&k| k != view && dot(own.from, pictures[k].from) > ANGLES[1].cos())
+        .filter(|&k| k != view && dot(own.from, images[k].from) > ANGLES[1].cos())
         .collect();
     let w = own.size[0];
     for (pixel, depth) in map.iter_mut().enumerate().filter(|(_, depth)| !depth.is_nan()) {
         let point = own.point((pixel % w) as f32 + 0.5, (pixel / w) as f32 + 0.5, *depth);
         let (mut confirmed, mut contradicted) = (0, 0);
         for &other in &others {
-            let (picture, map) = (&pictures[other], &maps[other]);
-            let [x, y, there] = picture.project(point);
-            let [w, h] = picture.size;
+            let (image, map) = (&images[other], &maps[other]);
+            let [x, y, there] = image.project(point);
+            let [w, h] = image.size;
             if !(x >= 0.0 && y >= 0.0 && x < w as f32 && y < h as f32) {
                 continue;
             }
@@ -345,7 +341,7 @@ fn confirmed(pictures: &[Picture], maps: &[DepthMap], view: usize) -> DepthMap {
             if found.is_nan() {
                 continue;
             }
-            let off = (found - there) / (picture.width_at(there) * picture.depth_per_unit());
+            let off = (found - there) / (image.width_at(there) * image.depth_per_unit());
             confirmed += usize::from(off.abs() <= TOLERANCE);
             // It sees through the point.
             contradicted += usize::from(off > 2.0 * TOLERANCE);

@@ -1,6 +1,7 @@
 //! A texture for any mesh, in charts that mipmaps do not mix.
 
 use datasets::View;
+use mesh_core::vector::interpolate;
 use mesh_core::{Image, Texture, bilinear};
 use rayon::prelude::*;
 
@@ -40,7 +41,7 @@ pub(super) fn bake(
     let texels = atlas.texels();
     let mut mean: Vec<[f32; 3]> = texels
         .par_iter()
-        .map(|t| mix(t.barycentric, faces[t.face as usize].map(|v| colors[v as usize])))
+        .map(|t| interpolate(t.barycentric, &faces[t.face as usize].map(|v| colors[v as usize])))
         .collect();
     let mut sums = vec![[0.0f32; 4]; mean.len()];
     let mut facing = vec![0.0; faces.len()];
@@ -62,7 +63,7 @@ pub(super) fn bake(
                     return;
                 }
                 let corners = faces[texel.face as usize].map(|v| positions[v as usize]);
-                let q = target.project(mix(texel.barycentric, corners));
+                let q = target.project(interpolate(texel.barycentric, &corners));
                 let Some((color, inside)) = seen(sight, target, view, q) else { return };
                 let color = exposure.brought(index, color);
                 let scale = target.pixels_per_unit(q[2]);
@@ -114,8 +115,4 @@ fn seen(sight: &Sight, target: &Target, view: &View, q: [f32; 3]) -> Option<([f3
         std::array::from_fn(|c| f32::from(pixel[c.min(view.color.channels - 1)]))
     });
     Some((bytes.map(|byte| byte / 255.0), inside.min(1.0)))
-}
-
-fn mix(b: [f32; 3], x: [[f32; 3]; 3]) -> [f32; 3] {
-    std::array::from_fn(|k| b[0] * x[0][k] + b[1] * x[1][k] + b[2] * x[2][k])
 }

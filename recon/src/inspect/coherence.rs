@@ -11,7 +11,7 @@ use std::cell::Cell;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::hull::Ball;
+use super::hull::Sphere;
 use super::silhouette::Silhouette;
 
 /// Places on each outline that are looked at.
@@ -44,7 +44,7 @@ pub struct Coherence {
 /// The silhouettes of a set of views, and where the object is.
 pub(super) struct Outlines<'a> {
     pub(super) views: &'a [Silhouette],
-    pub(super) ball: Ball,
+    pub(super) sphere: Sphere,
 }
 
 impl Outlines<'_> {
@@ -144,7 +144,7 @@ impl Outlines<'_> {
     ) -> (f32, Option<usize>) {
         let view = &self.views[k];
         let ray = view.camera.ray(column, row);
-        let Ball { center, radius } = self.ball;
+        let Sphere { center, radius } = self.sphere;
         let middle: f64 = (0..3).map(|a| (center[a] - ray.origin[a]) * ray.direction[a]).sum();
         let best = Cell::new((f32::INFINITY, None, middle));
         let visit = |t: f64| -> bool {

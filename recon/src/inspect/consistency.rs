@@ -5,9 +5,9 @@ use mesh_core::Camera;
 use rayon::prelude::*;
 
 use super::coherence::Outlines;
-use super::eye::Eye;
 use super::finer::roomy;
-use super::hull::{Ball, ball};
+use super::hull::{Sphere, bounding_sphere};
+use super::mask_view::MaskView;
 use super::silhouette::Silhouette;
 
 /// Views that are looked at; of more, evenly chosen ones.
@@ -21,7 +21,7 @@ pub(crate) struct Consistency {
     silhouettes: Vec<Silhouette>,
     /// Which of the views they are.
     chosen: Vec<usize>,
-    ball: Ball,
+    sphere: Sphere,
 }
 
 impl Consistency {
@@ -29,9 +29,10 @@ impl Consistency {
     pub(crate) fn of(views: &[&View]) -> Option<Self> {
         let step = views.len().div_ceil(VIEWS).max(1);
         let chosen: Vec<usize> = (0..views.len()).step_by(step).collect();
-        let eyes: Vec<Eye> = chosen.par_iter().map(|&i| Eye::new(views[i])).collect();
+        let mask_views: Vec<MaskView> =
+            chosen.par_iter().map(|&i| MaskView::new(views[i])).collect();
         let silhouettes = chosen.par_iter().map(|&i| Silhouette::new(views[i])).collect();
-        Some(Self { silhouettes, chosen, ball: roomy(ball(&eyes)?) })
+        Some(Self { silhouettes, chosen, sphere: roomy(bounding_sphere(&mask_views)?) })
     }
 
     /// The mean gap in pixels of an image of at most 320 under these cameras, one for each of the views.
@@ -41,6 +42,6 @@ impl Consistency {
             silhouette.with(cameras[i].resized(width, height))
         };
         let views: Vec<Silhouette> = self.silhouettes.iter().zip(&self.chosen).map(with).collect();
-        Outlines { views: &views, ball: self.ball }.mean_gap(PLACES, f64::INFINITY)
+        Outlines { views: &views, sphere: self.sphere }.mean_gap(PLACES, f64::INFINITY)
     }
 }

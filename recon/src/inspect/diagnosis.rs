@@ -6,11 +6,12 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::coherence::Coherence;
-use super::eye::{Eye, Reading};
 use super::finer;
-use super::hull::{Ball, agreement, ball, coincide};
+use super::hull::{Sphere, agreement, bounding_sphere, coincide};
 use super::lens::LensFit;
+use super::mask_view::MaskView;
 use super::poses_read::{self, PosesRead};
+use super::reading::Reading;
 
 /// Views that the search looks at; all are looked at for the figures.
 const SEARCHED: usize = 28;
@@ -101,20 +102,21 @@ pub struct Agreement {
 
 /// Whatever the agreement is measured by.
 struct Judge<'a> {
-    eyes: &'a [Eye],
+    mask_views: &'a [MaskView],
     points: Option<&'a [[f32; 3]]>,
 }
 
 impl Judge<'_> {
     /// The agreement under a reading, 0 to 1.
     fn score(&self, reading: Reading) -> f64 {
-        let eyes: Vec<Eye> = self.eyes.par_iter().map(|eye| eye.under(reading)).collect();
+        let mask_views: Vec<MaskView> =
+            self.mask_views.par_iter().map(|mask_view| mask_view.under(reading)).collect();
         if let Some(points) = self.points {
-            let seen = points_in(&eyes, points);
+            let seen = points_in(&mask_views, points);
             return mean(seen.iter().map(|s| s.inside * s.box_iou)).unwrap_or(0.0);
         }
-        ball(&eyes).map_or(0.0, |ball| {
-            mean(agreement(&eyes, ball, FEW_SAMPLES).into_iter().flatten()).unwrap_or(0.0)
+        bounding_sphere(&mask_views).map_or(0.0, |sphere| {
+            mean(agreement(&mask_views, sphere, FEW_SAMPLES).into_iter().flatten()).unwrap_or(0.0)
         })
     }
 }
@@ -130,23 +132,24 @@ struct Landing {
     box_iou: f64,
 }
 
-fn points_in(eyes: &[Eye], points: &[[f32; 3]]) -> Vec<Landing> {
-    eyes.par_iter()
-        .filter_map(|eye| {
-            let bounds = eye.bounds()?;
+fn points_in(mask_views: &[MaskView], points: &[[f32; 3]]) -> Vec<Landing> {
+    mask_views
+        .par_iter()
+        .filter_map(|mask_view| {
+            let bounds = mask_view.bounds()?;
             let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
             let mut inside = 0;
             for point in points {
                 let point = point.map(f64::from);
-                inside += usize::from(eye.allows(point));
-                let p = eye.camera.project(point);
-                if p.depth > 0.0 || !eye.camera.is_perspective() {
+                inside += usize::from(mask_view.allows(point));
+                let p = mask_view.camera.project(point);
+                if p.depth > 0.0 || !mask_view.camera.is_perspective() {
                     low = [low[0].min(p.column), low[1].min(p.row)];
                     high = [high[0].max(p.column), high[1].max(p.row)];
                 }
             }
             // What is outside of the image has no mask to agree with.
-            let (w, h) = (eye.camera.width as f64, eye.camera.height as f64);
+            let (w, h) = (mask_view.camera.width as f64, mask_view.camera.height as f64);
             let [[left, top], [right, bottom]] =
                 [low, high].map(|[column, row]| [column.clamp(0.0, w), row.clamp(0.0, h)]);
             let inside = inside as f64 / points.len().max(1) as f64;
@@ -175,58 +178,65 @@ fn points_of(truth: &Truth) -> Option<Vec<[f32; 3]>> {
 /// What agreement there is, and what looks wrong.
 pub(crate) fn diagnose(
     views: &[View],
-    eyes: &[Eye],
+    mask_views: &[MaskView],
     truth: &Truth,
     (layout, reading): (Layout, &ReadOptions),
-) -> (Agreement, Vec<Problem>, Option<Ball>) {
+) -> (Agreement, Vec<Problem>, Option<Sphere>) {
     let mut problems = Vec::new();
     let mut found = Agreement::default();
-    masks(views, eyes, reading, &mut problems);
+    masks(views, mask_views, reading, &mut problems);
     let inverted = problems.iter().any(|p| p.kind == "inverted_masks");
     let points = points_of(truth);
-    if coincide(eyes) {
+    if coincide(mask_views) {
         let message = "all cameras stand in one place: from there the masks show no shape; are the \
                        poses world-to-camera where camera-to-world is meant?";
         problems.push(Problem::new("coincident_cameras", message));
     }
-    let ball = ball(eyes);
-    if let Some(ball) = ball.filter(|_| !inverted) {
-        found.hull_iou_by_view = agreement(eyes, ball, SAMPLES);
+    let sphere = bounding_sphere(mask_views);
+    if let Some(sphere) = sphere.filter(|_| !inverted) {
+        found.hull_iou_by_view = agreement(mask_views, sphere, SAMPLES);
         found.hull_iou = mean(found.hull_iou_by_view.iter().flatten().copied());
     }
     if let Some(points) = points.as_deref().filter(|_| !inverted) {
-        let landed = points_in(eyes, points);
+        let landed = points_in(mask_views, points);
         found.points_inside = mean(landed.iter().map(|l| l.inside));
         found.points_box_iou = mean(landed.iter().map(|l| l.box_iou));
     }
     // One view without the truth agrees with itself whatever its camera is.
-    if inverted || (points.is_none() && eyes.len() < 3) {
-        return (found, problems, ball);
+    if inverted || (points.is_none() && mask_views.len() < 3) {
+        return (found, problems, sphere);
     }
-    let step = eyes.len().div_ceil(SEARCHED);
-    let searched: Vec<Eye> = eyes.iter().step_by(step).cloned().collect();
-    let judge = Judge { eyes: &searched, points: points.as_deref() };
+    let step = mask_views.len().div_ceil(SEARCHED);
+    let searched: Vec<MaskView> = mask_views.iter().step_by(step).cloned().collect();
+    let judge = Judge { mask_views: &searched, points: points.as_deref() };
     cameras(&judge, PosesRead::of(layout, reading), &mut found, &mut problems);
-    if let Some(ball) = ball {
-        finer::look(views, ball, &mut found, &mut problems);
+    if let Some(sphere) = sphere {
+        finer::look(views, sphere, &mut found, &mut problems);
     }
-    (found, problems, ball)
+    (found, problems, sphere)
 }
 
 /// What the masks alone show.
-fn masks(views: &[View], eyes: &[Eye], reading: &ReadOptions, problems: &mut Vec<Problem>) {
-    let names = |wanted: &dyn Fn(&Eye) -> bool| -> Vec<&str> {
-        let kept = views.iter().zip(eyes).filter(|(_, eye)| wanted(eye));
+fn masks(
+    views: &[View],
+    mask_views: &[MaskView],
+    reading: &ReadOptions,
+    problems: &mut Vec<Problem>,
+) {
+    let names = |wanted: &dyn Fn(&MaskView) -> bool| -> Vec<&str> {
+        let kept = views.iter().zip(mask_views).filter(|(_, mask_view)| wanted(mask_view));
         kept.map(|(view, _)| view.name.as_str()).collect()
     };
-    let empty = names(&|eye| eye.bounds().is_none());
+    let empty = names(&|mask_view| mask_view.bounds().is_none());
     if !empty.is_empty() {
         let message = format!("the masks of {} are empty", some_of(&empty, views.len()));
         problems.push(Problem::new("empty_masks", message));
     }
-    let shown = eyes.len() - empty.len();
-    let background = |eye: &Eye| eye.border_share() > 0.75;
-    if shown > 0 && 5 * eyes.iter().filter(|eye| background(eye)).count() >= 4 * shown {
+    let shown = mask_views.len() - empty.len();
+    let background = |mask_view: &MaskView| mask_view.border_share() > 0.75;
+    if shown > 0
+        && 5 * mask_views.iter().filter(|mask_view| background(mask_view)).count() >= 4 * shown
+    {
         let message = if reading.invert {
             "the masks look inverted: they cover the border of the images; leave --invert-masks away"
         } else {
@@ -235,7 +245,7 @@ fn masks(views: &[View], eyes: &[Eye], reading: &ReadOptions, problems: &mut Vec
         problems.push(Problem::new("inverted_masks", message));
         return;
     }
-    let cut = names(&|eye| eye.is_open());
+    let cut = names(&|mask_view| mask_view.is_open());
     if !cut.is_empty() {
         let message = format!(
             "the object leaves the frame in {}: what is outside has no evidence",
@@ -266,7 +276,7 @@ fn cameras(
     let given = judge.score(Reading::AsGiven);
     let others = READINGS.map(|(name, reading, _)| (name, judge.score(reading)));
     found.readings = std::iter::once(("as_given", given)).chain(others).collect();
-    if judge.eyes.iter().all(|eye| eye.camera.is_perspective()) {
+    if judge.mask_views.iter().all(|mask_view| mask_view.camera.is_perspective()) {
         found.focal = (-FACTORS..=FACTORS)
             .map(|k| LEAST_FACTOR.powf(-f64::from(k) / f64::from(FACTORS)))
             .map(|factor| [factor, judge.score(Reading::Focal(factor))])

@@ -1,20 +1,20 @@
 //! What only measures between pixels find: a view that stands apart, a lens that is a little off, masks that are too large.
 
 use datasets::View;
-use mesh_core::{ByteImage, Camera};
+use mesh_core::{ByteImage, Camera, MedianOfEven};
 use rayon::prelude::*;
 
 use super::coherence::{Coherence, Outlines};
 use super::coverage::Unseen;
 use super::diagnosis::{Agreement, Problem, some_of};
-use super::hull::Ball;
+use super::hull::Sphere;
 use super::lens::{LensFit, best_lens};
 use super::mask_edge;
 use super::silhouette::Silhouette;
 
 // The numbers below are chosen on planted errors; `docs/inspect.md` has what they find, made by the example `inspect_errors`.
 
-/// Room around the ball that holds the object: cones of the other views may be wider.
+/// Room around the sphere that holds the object: cones of the other views may be wider.
 const ROOM: f64 = 1.1;
 /// A view stands apart where it is to blame for so many pixels of gap, and so many times what is usual.
 const BLAMED: (f64, f64) = (1.5, 5.0);
@@ -40,12 +40,17 @@ const EDGE: f64 = 0.8;
 const ONE_SIDED: f64 = 0.25;
 
 /// Fills in the finer figures, and says what they show where nothing coarser is found.
-pub(super) fn look(views: &[View], ball: Ball, found: &mut Agreement, problems: &mut Vec<Problem>) {
+pub(super) fn look(
+    views: &[View],
+    sphere: Sphere,
+    found: &mut Agreement,
+    problems: &mut Vec<Problem>,
+) {
     let silhouettes = Silhouette::all(views);
-    let outlines = Outlines { views: &silhouettes, ball: roomy(ball) };
+    let outlines = Outlines { views: &silhouettes, sphere: roomy(sphere) };
     found.coherence_by_view = outlines.coherence();
     found.coherence = mean(&found.coherence_by_view);
-    let unseen = Unseen::of(views.iter().map(|view| &view.camera), ball.center);
+    let unseen = Unseen::of(views.iter().map(|view| &view.camera), sphere.center);
     found.unseen = Some(unseen.share);
     let colors: Vec<&ByteImage> = views.iter().map(|view| &view.color).collect();
     found.mask_edge = mask_edge::offset(&colors, &silhouettes);
@@ -109,10 +114,9 @@ fn odd_views(outlines: &Outlines<'_>, by_view: &[Option<Coherence>]) -> Vec<usiz
     (0..count).filter(is_odd).collect()
 }
 
+/// The upper median; 0 of nothing.
 fn median(values: &[f64]) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
+    mesh_core::median(values.iter().copied(), MedianOfEven::Upper).unwrap_or(0.0)
 }
 
 /// Whether a lens other than the one given is what is wrong.
@@ -171,11 +175,11 @@ pub(crate) struct Fitness {
 }
 
 /// How the masks of views fit together under these cameras, and to the views' colours.
-pub(super) fn fitness(views: &[(&View, &Camera)], ball: Ball) -> Option<Fitness> {
+pub(super) fn fitness(views: &[(&View, &Camera)], sphere: Sphere) -> Option<Fitness> {
     let seen = |&(view, camera): &(&View, &Camera)| Silhouette::seen_by(view, camera);
     let silhouettes: Vec<Silhouette> = views.par_iter().map(seen).collect();
     let colors: Vec<&ByteImage> = views.iter().map(|(view, _)| &view.color).collect();
-    let outlines = Outlines { views: &silhouettes, ball: roomy(ball) };
+    let outlines = Outlines { views: &silhouettes, sphere: roomy(sphere) };
     Some(Fitness {
         coherence: mean(&outlines.coherence())?,
         lens: best_lens(&outlines).filter(explains),
@@ -183,9 +187,9 @@ pub(super) fn fitness(views: &[(&View, &Camera)], ball: Ball) -> Option<Fitness>
     })
 }
 
-/// The ball with room for wider cones.
-pub(super) fn roomy(ball: Ball) -> Ball {
-    Ball { radius: ROOM * ball.radius, ..ball }
+/// The sphere with room for wider cones.
+pub(super) fn roomy(sphere: Sphere) -> Sphere {
+    Sphere { radius: ROOM * sphere.radius, ..sphere }
 }
 
 /// The mean of each figure.

@@ -1,28 +1,29 @@
 //! The visual hull: the largest body that all masks allow.
 
+use mesh_core::bounds::longest_side;
 use mesh_core::{Ray, VoxelGrid};
 use rayon::prelude::*;
 
-use super::eye::Eye;
+use super::mask_view::MaskView;
 
 /// Steps along a ray through the sphere that holds the object.
 const STEPS: usize = 160;
 
 /// A sphere that holds what the masks show, if the cameras are right.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Ball {
+pub(crate) struct Sphere {
     pub(crate) center: [f64; 3],
     pub(crate) radius: f64,
 }
 
 /// Whether several cameras with perspective all stand in one place: no two of their rays then meet
 /// anywhere but there, so the masks fix no body.
-pub(crate) fn coincide(eyes: &[Eye]) -> bool {
-    let [first, others @ ..] = eyes else { return false };
+pub(crate) fn coincide(views: &[MaskView]) -> bool {
+    let [first, others @ ..] = views else { return false };
     let place = first.camera.center();
-    let near = |eye: &Eye| {
-        eye.camera.is_perspective()
-            && (eye.camera.center() - place).norm() <= 1e-6 * place.norm().max(f64::EPSILON)
+    let near = |view: &MaskView| {
+        view.camera.is_perspective()
+            && (view.camera.center() - place).norm() <= 1e-6 * place.norm().max(f64::EPSILON)
     };
     !others.is_empty() && first.camera.is_perspective() && others.iter().all(near)
 }
@@ -30,22 +31,23 @@ pub(crate) fn coincide(eyes: &[Eye]) -> bool {
 /// The sphere around the point where the masks' axes meet, as wide as the widest of their cones.
 ///
 /// `None` where the axes do not fix a point, all cameras stand there, or most look away from it.
-pub(crate) fn ball(eyes: &[Eye]) -> Option<Ball> {
-    if coincide(eyes) {
+pub(crate) fn bounding_sphere(views: &[MaskView]) -> Option<Sphere> {
+    if coincide(views) {
         return None;
     }
-    let boxes: Vec<(&Eye, [f64; 4])> =
-        eyes.iter().filter_map(|eye| Some((eye, eye.bounds()?))).collect();
-    let axis =
-        |(eye, [l, t, r, b]): &(&Eye, [f64; 4])| eye.camera.ray((l + r) / 2.0, (t + b) / 2.0);
+    let boxes: Vec<(&MaskView, [f64; 4])> =
+        views.iter().filter_map(|view| Some((view, view.bounds()?))).collect();
+    let axis = |(view, [l, t, r, b]): &(&MaskView, [f64; 4])| {
+        view.camera.ray((l + r) / 2.0, (t + b) / 2.0)
+    };
     let center = Ray::nearest_point(boxes.iter().map(axis))?;
     let mut radii = Vec::new();
-    for (eye, [l, t, r, b]) in &boxes {
-        if eye.camera.is_perspective() && eye.camera.project(center).depth <= 0.0 {
+    for (view, [l, t, r, b]) in &boxes {
+        if view.camera.is_perspective() && view.camera.project(center).depth <= 0.0 {
             continue;
         }
         let corners = [[*l, *t], [*l, *b], [*r, *t], [*r, *b]];
-        let far = corners.map(|[column, row]| eye.camera.ray(column, row).distance(center));
+        let far = corners.map(|[column, row]| view.camera.ray(column, row).distance(center));
         radii.push(far.into_iter().fold(0.0, f64::max));
     }
     if 2 * radii.len() < boxes.len() {
@@ -54,7 +56,7 @@ pub(crate) fn ball(eyes: &[Eye]) -> Option<Ball> {
     // A single camera that looks elsewhere must not blow the sphere up.
     radii.sort_by(f64::total_cmp);
     let radius = radii[(radii.len() - 1) * 9 / 10];
-    (radius.is_finite() && radius > 0.0).then_some(Ball { center, radius: 1.1 * radius })
+    (radius.is_finite() && radius > 0.0).then_some(Sphere { center, radius: 1.1 * radius })
 }
 
 /// For each view the share of its mask that the hull of all masks covers.
@@ -63,16 +65,17 @@ pub(crate) fn ball(eyes: &[Eye]) -> Option<Ball> {
 /// the mask. It is found exactly along the rays of at most `samples` pixels of each mask: a pixel
 /// counts where some point on its ray is allowed by every other view. Views with an empty mask
 /// have no share.
-pub(crate) fn agreement(eyes: &[Eye], ball: Ball, samples: usize) -> Vec<Option<f64>> {
-    eyes.par_iter()
+pub(crate) fn agreement(views: &[MaskView], sphere: Sphere, samples: usize) -> Vec<Option<f64>> {
+    views
+        .par_iter()
         .enumerate()
-        .map(|(k, eye)| {
-            let pixels = eye.pixels(samples);
+        .map(|(k, view)| {
+            let pixels = view.pixels(samples);
             if pixels.is_empty() {
                 return None;
             }
-            let others = Others::of(eyes, k);
-            let covered = pixels.iter().filter(|p| others.allow_some(eye, **p, ball)).count();
+            let others = Others::of(views, k);
+            let covered = pixels.iter().filter(|p| others.allow_some(view, **p, sphere)).count();
             Some(covered as f64 / pixels.len() as f64)
         })
         .collect()
@@ -80,42 +83,42 @@ pub(crate) fn agreement(eyes: &[Eye], ball: Ball, samples: usize) -> Vec<Option<
 
 /// All views but one, those first that look from elsewhere: they refuse soonest.
 struct Others<'a> {
-    order: Vec<&'a Eye>,
+    order: Vec<&'a MaskView>,
 }
 
 impl<'a> Others<'a> {
-    fn of(eyes: &'a [Eye], k: usize) -> Self {
-        let forward = eyes[k].camera.forward();
-        let mut order: Vec<(f64, &Eye)> = eyes
+    fn of(views: &'a [MaskView], k: usize) -> Self {
+        let forward = views[k].camera.forward();
+        let mut order: Vec<(f64, &MaskView)> = views
             .iter()
             .enumerate()
-            .filter(|&(i, eye)| i != k && eye.bounds().is_some())
-            .map(|(_, eye)| (forward.dot(&eye.camera.forward()).abs(), eye))
+            .filter(|&(i, view)| i != k && view.bounds().is_some())
+            .map(|(_, view)| (forward.dot(&view.camera.forward()).abs(), view))
             .collect();
         order.sort_by(|a, b| a.0.total_cmp(&b.0));
-        Self { order: order.into_iter().map(|(_, eye)| eye).collect() }
+        Self { order: order.into_iter().map(|(_, view)| view).collect() }
     }
 
-    fn allow_some(&self, eye: &Eye, [column, row]: [f64; 2], ball: Ball) -> bool {
-        let ray = eye.camera.ray(column, row);
-        let to: [f64; 3] = std::array::from_fn(|a| ball.center[a] - ray.origin[a]);
+    fn allow_some(&self, view: &MaskView, [column, row]: [f64; 2], sphere: Sphere) -> bool {
+        let ray = view.camera.ray(column, row);
+        let to: [f64; 3] = std::array::from_fn(|a| sphere.center[a] - ray.origin[a]);
         let middle: f64 = (0..3).map(|a| to[a] * ray.direction[a]).sum();
         (0..STEPS).any(|step| {
-            let t = middle + ball.radius * ((2 * step + 1) as f64 / STEPS as f64 - 1.0);
+            let t = middle + sphere.radius * ((2 * step + 1) as f64 / STEPS as f64 - 1.0);
             let p = std::array::from_fn(|a| ray.origin[a] + t * ray.direction[a]);
-            (t > 0.0 || !eye.camera.is_perspective()) && self.order.iter().all(|o| o.allows(p))
+            (t > 0.0 || !view.camera.is_perspective()) && self.order.iter().all(|o| o.allows(p))
         })
     }
 }
 
 /// The hull on a grid of `side` cells along the longest side of its box, in two passes.
 ///
-/// A cell is in it where its centre is allowed by every view. `None` where nothing is left, or the ball is too small for
+/// A cell is in it where its centre is allowed by every view. `None` where nothing is left, or the sphere is too small for
 /// its place.
-pub(crate) fn carve(eyes: &[Eye], ball: Ball, side: usize) -> Option<VoxelGrid> {
-    let seen: Vec<&Eye> = eyes.iter().filter(|eye| eye.bounds().is_some()).collect();
-    let low = ball.center.map(|c| (c - ball.radius) as f32);
-    let high = ball.center.map(|c| (c + ball.radius) as f32);
+pub(crate) fn carve(views: &[MaskView], sphere: Sphere, side: usize) -> Option<VoxelGrid> {
+    let seen: Vec<&MaskView> = views.iter().filter(|view| view.bounds().is_some()).collect();
+    let low = sphere.center.map(|c| (c - sphere.radius) as f32);
+    let high = sphere.center.map(|c| (c + sphere.radius) as f32);
     // Cells smaller than the steps of numbers there cannot be told apart.
     let fine = |k: usize| low[k].abs().max(high[k].abs()) * f32::EPSILON;
     if !(0..3).all(|k| (high[k] - low[k]) / side.max(32) as f32 > fine(k)) {
@@ -127,8 +130,8 @@ pub(crate) fn carve(eyes: &[Eye], ball: Ball, side: usize) -> Option<VoxelGrid> 
     occupied(&fine).is_some().then_some(fine)
 }
 
-fn carved(eyes: &[&Eye], low: [f32; 3], high: [f32; 3], side: usize) -> VoxelGrid {
-    let longest = (0..3).map(|k| high[k] - low[k]).fold(0.0, f32::max);
+fn carved(views: &[&MaskView], low: [f32; 3], high: [f32; 3], side: usize) -> VoxelGrid {
+    let longest = longest_side((low, high));
     let dims = std::array::from_fn(|k| {
         (((high[k] - low[k]) / longest * side as f32).ceil() as usize).clamp(1, side)
     });
@@ -139,7 +142,7 @@ fn carved(eyes: &[&Eye], low: [f32; 3], high: [f32; 3], side: usize) -> VoxelGri
         .map(|k| {
             let cell = [k % dims[0], k / dims[0] % dims[1], k / dims[0] / dims[1]];
             let p = grid.center(cell).map(f64::from);
-            eyes.iter().all(|eye| eye.allows(p))
+            views.iter().all(|view| view.allows(p))
         })
         .collect();
     grid.bits = bits;

@@ -4,7 +4,7 @@ use mesh_core::Camera;
 use serde::{Deserialize, Serialize};
 
 use super::coherence::Outlines;
-use super::hull::Ball;
+use super::hull::Sphere;
 use super::silhouette::Silhouette;
 
 /// Views that the search looks at.
@@ -37,11 +37,11 @@ pub(super) fn best_lens(outlines: &Outlines<'_>) -> Option<LensFit> {
     }
     let step = outlines.views.len().div_ceil(VIEWS).max(1);
     let views: Vec<&Silhouette> = outlines.views.iter().step_by(step).collect();
-    let ball = Ball { radius: ROOM * outlines.ball.radius, ..outlines.ball };
+    let sphere = Sphere { radius: ROOM * outlines.sphere.radius, ..outlines.sphere };
     let gap = |at: [f64; 3], most: f64| {
         let moved: Vec<Silhouette> =
             views.iter().map(|view| view.with(with_lens(&view.camera, at))).collect();
-        Outlines { views: &moved, ball }.mean_gap(PLACES, most)
+        Outlines { views: &moved, sphere }.mean_gap(PLACES, most)
     };
     let mut best = [0.0; 3];
     let given = gap(best, f64::INFINITY);

@@ -1,7 +1,7 @@
 //! Where images change beside the masks' edges: masks that are too large or too small fit together as well as right ones, but
 //! their edges do not lie where the colours change.
 
-use mesh_core::{ByteImage, bilinear};
+use mesh_core::{ByteImage, MedianOfEven, bilinear, median};
 use rayon::prelude::*;
 
 use super::silhouette::Silhouette;
@@ -18,13 +18,13 @@ const CLEAR: f32 = 2.5;
 /// How far outside of the masks' edges the colours change most, pixels of the silhouettes: negative where masks are too large. The
 /// median over the views that tell; none where less than half do.
 pub(super) fn offset(colors: &[&ByteImage], silhouettes: &[Silhouette]) -> Option<f64> {
-    let mut found: Vec<f64> = colors
+    let found: Vec<f64> = colors
         .par_iter()
         .zip(silhouettes)
         .filter_map(|(color, silhouette)| of_view(color, silhouette))
         .collect();
-    found.sort_by(f64::total_cmp);
-    (2 * found.len() >= colors.len().max(1)).then(|| found[found.len() / 2])
+    let enough = 2 * found.len() >= colors.len().max(1);
+    median(found, MedianOfEven::Upper).filter(|_| enough)
 }
 
 fn of_view(color: &ByteImage, silhouette: &Silhouette) -> Option<f64> {
@@ -53,9 +53,7 @@ fn of_view(color: &ByteImage, silhouette: &Silhouette) -> Option<f64> {
         }
     }
     let peak = (0..steps).max_by(|&a, &b| profile[a].total_cmp(&profile[b]))?;
-    let mut sorted = profile.clone();
-    sorted.sort_by(f32::total_cmp);
-    let floor = sorted[steps / 2];
+    let floor = median(profile.iter().copied(), MedianOfEven::Upper)?;
     if profile[peak] <= CLEAR * floor.max(f32::MIN_POSITIVE) {
         return None;
     }

@@ -28,19 +28,21 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod camera_plan;
 mod coherence;
 mod consistency;
+mod contact_sheet;
 mod coverage;
 mod diagnosis;
 mod error;
-mod eye;
 mod finer;
 mod hull;
 mod lens;
 mod mask_edge;
+mod mask_view;
 mod page;
-mod picture;
 mod poses_read;
+mod reading;
 mod silhouette;
 
 pub use coherence::Coherence;
@@ -59,8 +61,8 @@ use mesh_core::{ByteImage, Camera};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use eye::Eye;
 use finer::Fitness;
+use mask_view::MaskView;
 
 /// Cells along the longest side of the hull that is drawn.
 const GRID: usize = 64;
@@ -198,9 +200,9 @@ pub fn inspect(
 
 /// How the masks of views fit together under these cameras, and to the views' colours; none where they fix no body.
 pub(crate) fn fitness_of(views: &[(&View, &Camera)]) -> Option<Fitness> {
-    let eyes: Vec<Eye> =
-        views.par_iter().map(|&(view, camera)| Eye::seen_by(view, camera)).collect();
-    finer::fitness(views, hull::ball(&eyes)?)
+    let mask_views: Vec<MaskView> =
+        views.par_iter().map(|&(view, camera)| MaskView::seen_by(view, camera)).collect();
+    finer::fitness(views, hull::bounding_sphere(&mask_views)?)
 }
 
 /// Share of the directions that a surface can face in which no camera sees it, and the axis nearest to their middle.
@@ -248,13 +250,13 @@ pub fn inspect_views(views: &Views, truth: &Truth) -> ObjectInspection {
 pub fn inspect_views_with(views: &Views, truth: &Truth, reading: &ReadOptions) -> ObjectInspection {
     assert!(!views.is_empty(), "inspect_views: no views");
     let list = &views.views;
-    let eyes: Vec<Eye> = list.par_iter().map(Eye::new).collect();
-    let (agreement, problems, ball) =
-        diagnosis::diagnose(list, &eyes, truth, (views.layout, reading));
-    let hull = ball.and_then(|ball| hull::carve(&eyes, ball, GRID));
+    let mask_views: Vec<MaskView> = list.par_iter().map(MaskView::new).collect();
+    let (agreement, problems, sphere) =
+        diagnosis::diagnose(list, &mask_views, truth, (views.layout, reading));
+    let hull = sphere.and_then(|sphere| hull::carve(&mask_views, sphere, GRID));
     let fovs: Option<Vec<f64>> =
         list.iter().map(|view| view.camera.fov().map(|fov| fov[0].to_degrees())).collect();
-    let middle = ball.map(|ball| Vector3::from(ball.center));
+    let middle = sphere.map(|sphere| Vector3::from(sphere.center));
     let from_middle = |f: &dyn Fn(Vector3<f64>) -> f64| {
         middle.and_then(|m| range(list.iter().map(|view| f(view.camera.center() - m))))
     };
@@ -285,8 +287,8 @@ pub fn inspect_views_with(views: &Views, truth: &Truth, reading: &ReadOptions) -
         problems,
         warnings: views.warnings.clone(),
         names: list.iter().map(|view| view.name.clone()).collect(),
-        sheet: picture::contact_sheet(list),
-        cameras: picture::cameras_svg(&cameras, ball, hull.as_ref()),
+        sheet: contact_sheet::contact_sheet(list),
+        cameras: camera_plan::cameras_svg(&cameras, sphere, hull.as_ref()),
         ..ObjectInspection::default()
     }
 }

@@ -2,7 +2,7 @@
 
 use datasets::{CameraAxes, Convention, Layout, ReadOptions};
 
-use super::eye::Reading;
+use super::reading::Reading;
 
 /// What poses were taken for, and what their layout takes them for.
 #[derive(Clone, Copy, Debug)]

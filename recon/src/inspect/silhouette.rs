@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use datasets::View;
+use mesh_core::vector::affine;
 use mesh_core::{Camera, bilinear};
 use rayon::prelude::*;
 
@@ -71,9 +72,7 @@ impl Silhouette {
     /// behind the camera or outside of the image is far outside, unless the object goes on there.
     pub(super) fn at(&self, p: [f64; 3]) -> f32 {
         const FAR: f32 = 127.0 / STEPS;
-        let [x, y, depth] = &self.rows;
-        let along = |r: &[f64; 4]| r[0] * p[0] + r[1] * p[1] + r[2] * p[2] + r[3];
-        let (x, y, depth) = (along(x), along(y), along(depth));
+        let [x, y, depth] = affine(&self.rows, p);
         let over = if self.camera.is_perspective() { depth } else { 1.0 };
         if over <= 0.0 {
             return FAR;

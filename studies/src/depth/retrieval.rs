@@ -25,5 +25,5 @@ pub(super) fn retrieved(data: &Scenes, views: usize) -> Result<Scored, DataError
 }
 
 fn seen(scene: &Scene) -> Vec<f32> {
-    features(&scene.picture.image, &scene.picture.mask)
+    features(&scene.image.pixels, &scene.image.mask)
 }

@@ -196,10 +196,10 @@ fn animation(folder: &std::path::Path) -> Option<Vec<u8>> {
     let mut files: Vec<_> = entries.filter_map(Result::ok).map(|entry| entry.path()).collect();
     files.sort();
     let upper = |path: &std::path::PathBuf| {
-        let mut picture = mesh_core::read_image(path).ok()?.to_rgb();
-        picture.height /= 2;
-        picture.data.truncate(3 * picture.height * picture.width);
-        Some(picture)
+        let mut image = mesh_core::read_image(path).ok()?.to_rgb();
+        image.height /= 2;
+        image.data.truncate(3 * image.height * image.width);
+        Some(image)
     };
     let mut frames: Vec<_> = files.iter().filter_map(upper).collect();
     let last = frames.last().cloned()?;

@@ -145,7 +145,7 @@ pub(super) fn by_family(
 fn complexities(
     system: &OdePixel2Mesh,
     data: &Pairs,
-    pictures: usize,
+    images: usize,
 ) -> Result<Vec<f64>, StudyError> {
     let ellipsoid = &system.template().finest().mesh.positions;
     let views = system.shared().pairs.scored_views;
@@ -154,7 +154,7 @@ fn complexities(
         let (there, back) = point_distances(ellipsoid, &pair.truth.positions).chamfer(true);
         Ok(there + back)
     };
-    (0..pictures).map(far).collect()
+    (0..images).map(far).collect()
 }
 
 /// Spearman's, equal values sharing the mean of their ranks; 0 where one is constant.

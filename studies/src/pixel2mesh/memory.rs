@@ -3,8 +3,8 @@
 use std::time::Instant;
 
 use autodiff_lite::{Activation, Module, Param, SparseMatrix, Tape, Var};
-use mesh_core::Topology;
 use mesh_core::primitives::icosphere;
+use mesh_core::{MedianOfEven, Topology, median};
 use models::paired::Pair;
 use models::pixel2mesh::{OdeConfig, OdePixel2Mesh};
 use ndarray::{Array3, Array4};
@@ -179,8 +179,8 @@ fn measured(system: &OdePixel2Mesh, batch: &[Pair]) -> (f64, f64) {
         tape.reset();
         times.push(start.elapsed().as_secs_f64());
     }
-    times.sort_by(f64::total_cmp);
-    (tape.pool().bytes() as f64, times[TIMED / 2])
+    let seconds = median(times, MedianOfEven::Upper).expect("a step is timed");
+    (tape.pool().bytes() as f64, seconds)
 }
 
 /// The gradient of a small field's parameters through so many steps, in double precision.

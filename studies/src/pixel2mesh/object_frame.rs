@@ -105,7 +105,7 @@ impl Study for ObjectFrameStudy {
         let row = |label: &str, scored: &Scored| with_scores(Row::new(TABLE, label), &data, scored);
         let (_, pair) = data.trial(Subset::Test, 1, 0)?;
         let shown = |row: Row, system: &Pixel2Mesh| -> Result<Row, StudyError> {
-            let predict = || drop(std::hint::black_box(system.seen(&pair.picture)));
+            let predict = || drop(std::hint::black_box(system.seen(&pair.image)));
             Ok(with_effort(row, &trained, (&config, &data), predict)?
                 .took(trained.seconds)
                 .showing("", &system.gallery(&data, Subset::Test)?)
@@ -191,16 +191,16 @@ pub fn refined<D: Deformer>(
     pair: &Pair,
     config: &RefineConfig,
 ) -> Result<(PointScores, Stats), DataError> {
-    let picture = &*pair.picture;
-    let (mesh, stats, camera) = match system.seen(picture) {
-        Ok(Seen::Told(mesh, stats)) => (mesh, stats, picture.camera.clone()),
+    let image = &*pair.image;
+    let (mesh, stats, camera) = match system.seen(image) {
+        Ok(Seen::Told(mesh, stats)) => (mesh, stats, image.camera.clone()),
         Ok(Seen::Estimated(Estimate { mesh, stats, camera, .. })) => (mesh, stats, camera),
         Err(_) => return Ok((point_scores(&TriMesh::default(), &pair.truth), Stats::default())),
     };
-    let view = datasets::View { camera, ..picture.view() };
-    let world = picture.frame.mesh_in_world(mesh);
+    let view = datasets::View { camera, ..image.view() };
+    let world = image.frame.mesh_in_world(mesh);
     let world = refine(&world, &[view], config).map_err(DataError::unfit)?;
-    Ok((point_scores(&picture.frame.mesh_placed(&world), &pair.truth), stats))
+    Ok((point_scores(&image.frame.mesh_placed(&world), &pair.truth), stats))
 }
 
 #[cfg(test)]

@@ -141,7 +141,7 @@ fn rows<D: Deformer>(
             .took(trained.seconds);
         let row = if planes {
             let (_, pair) = data.trial(Subset::Test, 1, 0)?;
-            let predict = || drop(std::hint::black_box(trained.system.mesh_of(&pair.picture)));
+            let predict = || drop(std::hint::black_box(trained.system.mesh_of(&pair.image)));
             with_effort(row, &trained, (&config, &data), predict)?
                 .showing("", &trained.system.gallery(&data, Subset::Test)?)
                 .with_objects(&predicted(&trained.system, &data, work.seed)?)

@@ -1,6 +1,6 @@
 //! The control that learns nothing: the training object whose image is the likest, as it stood before its camera.
 
-use models::paired::{Pair, Pairs, Picture, surface_scores};
+use models::paired::{InputImage, Pair, Pairs, surface_scores};
 use models::pixel2mesh::Scored;
 use ode_deform::solve::Stats;
 use train::{DataError, Subset};
@@ -15,19 +15,19 @@ pub(super) fn retrieved(data: &Pairs, views: usize) -> Result<Scored, DataError>
     let mut known = Nearest::default();
     for &object in data.trained() {
         for view in 0..data.views(object) {
-            known.add(seen(&*data.picture(object, view)?), [object, view]);
+            known.add(seen(&*data.image(object, view)?), [object, view]);
         }
     }
     Scored::of(data, (Subset::Test, views), |pair: &Pair| {
-        let found = known.find(&seen(&pair.picture));
+        let found = known.find(&seen(&pair.image));
         let [object, view] = found.expect("objects to train on have views");
-        let (picture, surface) = (data.picture(object, view)?, data.surface(object)?);
+        let (image, surface) = (data.image(object, view)?, data.surface(object)?);
         let mesh = surface.mesh.as_ref();
-        let mesh = mesh.map(|mesh| picture.frame.mesh_placed(mesh)).unwrap_or_default();
+        let mesh = mesh.map(|mesh| image.frame.mesh_placed(mesh)).unwrap_or_default();
         Ok((surface_scores(&mesh, POINTS, &pair.truth), Stats::default()))
     })
 }
 
-fn seen(picture: &Picture) -> Vec<f32> {
-    features(&picture.image, &picture.mask)
+fn seen(image: &InputImage) -> Vec<f32> {
+    features(&image.pixels, &image.mask)
 }

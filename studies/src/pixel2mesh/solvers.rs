@@ -299,7 +299,7 @@ impl Study for SolversStudy {
             .with(Cell::plain("evaluations", scored.evaluations(), 2))
             .with(Cell::smaller("thousand parameters", parameters, 1));
         let (_, pair) = data.trial(Subset::Test, 1, 0)?;
-        let predict = || drop(std::hint::black_box(system.mesh_of(&pair.picture)));
+        let predict = || drop(std::hint::black_box(system.mesh_of(&pair.image)));
         let row = with_effort(row, &trained, (&config, &data), predict)?
             .took(trained.seconds)
             .showing(label, &system.gallery(&data, Subset::Test)?)

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 
 use datasets::Subset;
 use fnv::FnvHasher;
-use mesh_core::{ReadMeshError, TriMesh, read_mesh};
+use mesh_core::vector::{norm, widen};
+use mesh_core::{ReadMeshError, TriMesh, bounds, read_mesh};
 
 /// A mesh from a file, brought to a size.
 #[derive(Clone, Debug, PartialEq)]
@@ -141,13 +142,12 @@ impl Normalize {
     #[must_use]
     pub fn apply(self, mesh: TriMesh) -> TriMesh {
         let Some((low, high)) = mesh.bounds() else { return mesh };
-        let middle: [f64; 3] =
-            std::array::from_fn(|k| 0.5 * (f64::from(low[k]) + f64::from(high[k])));
-        let sides: [f64; 3] = std::array::from_fn(|k| f64::from(high[k]) - f64::from(low[k]));
+        let around = (widen(low), widen(high));
+        let middle = bounds::center(around);
         let size = match self {
             Self::None => return mesh,
-            Self::UnitDiagonal => sides.iter().map(|s| s * s).sum::<f64>().sqrt(),
-            Self::UnitBox => sides.iter().copied().fold(0.0, f64::max),
+            Self::UnitDiagonal => norm(bounds::sides(around)),
+            Self::UnitBox => bounds::longest_side(around),
             Self::UnitSphere => {
                 let squared = |p: &[f32; 3]| -> f64 {
                     (0..3).map(|k| (f64::from(p[k]) - middle[k]).powi(2)).sum()

@@ -1,9 +1,12 @@
 //! One object of a dataset: its mesh, its cameras, its images.
 
+use std::borrow::Cow;
+
 use datasets::{Subset, SurfacePoints};
 use diff_raster::FacesError;
 use mesh_core::nalgebra::{Rotation3, Vector3};
-use mesh_core::{Camera, Image, Lens, TriMesh, sample_points};
+use mesh_core::vector::widen;
+use mesh_core::{Camera, Image, Lens, TriMesh, bounds, sample_points};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
@@ -58,9 +61,9 @@ pub(super) enum Kind<'a> {
 }
 
 /// An object in memory, ready to be written.
-pub(super) struct Made {
+pub(super) struct Made<'a> {
     pub(super) info: ObjectInfo,
-    pub(super) mesh: TriMesh,
+    pub(super) mesh: Cow<'a, TriMesh>,
     /// Points of its surface, where the layout has a place for them.
     pub(super) points: Option<SurfacePoints>,
     pub(super) renderings: Vec<Rendering>,
@@ -132,17 +135,17 @@ impl Kind<'_> {
     }
 }
 
-impl Job<'_> {
+impl<'a> Job<'a> {
     /// The mesh, and what was drawn for it in words.
-    pub(super) fn mesh(&self) -> (TriMesh, Vec<(String, String)>) {
+    pub(super) fn mesh(&self) -> (Cow<'a, TriMesh>, Vec<(String, String)>) {
         match self.of {
             Kind::Family(family) => {
                 let shape = family.draw(self.seed);
                 let mesh = shape.mesh();
                 let traits = shape.traits.into_iter().map(|(name, v)| (name.to_owned(), v));
-                (mesh, traits.collect())
+                (Cow::Owned(mesh), traits.collect())
             }
-            Kind::Model(model) => (model.mesh.clone(), Vec::new()),
+            Kind::Model(model) => (Cow::Borrowed(&model.mesh), Vec::new()),
         }
     }
 
@@ -151,7 +154,7 @@ impl Job<'_> {
         &self,
         config: &GenerateConfig,
         progress: &(dyn Fn(usize, usize) + Sync),
-    ) -> Result<Made, FacesError> {
+    ) -> Result<Made<'a>, FacesError> {
         let (mesh, traits) = self.mesh();
         let (cameras, rough) = cameras(config, &mesh, self.view_seed);
         let renderings = render(&mesh, &cameras, &config.render_options(), progress)?;
@@ -203,9 +206,8 @@ impl Job<'_> {
 /// The true cameras, and rough ones in photo collections.
 fn cameras(config: &GenerateConfig, mesh: &TriMesh, seed: u64) -> (Vec<Camera>, Vec<Camera>) {
     let (width, height, count) = (config.width, config.height, config.views);
-    let (low, high) = mesh.bounds().unwrap_or_default();
-    let middle: [f64; 3] = std::array::from_fn(|k| 0.5 * f64::from(low[k] + high[k]));
-    let diagonal = (0..3).map(|k| f64::from(high[k] - low[k]).powi(2)).sum::<f64>().sqrt();
+    let around = mesh.bounds().unwrap_or_default();
+    let (middle, diagonal) = (widen(bounds::center(around)), bounds::diagonal::<f64>(around));
     let diagonal = if diagonal > 0.0 { diagonal } else { 1.0 };
     let fov_y = fov_y(config);
     let near = nearest(config, fov_y) * diagonal;

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use datasets::{Truth, r2n2};
-use mesh_core::{TriMesh, VoxelGrid, encode_exr, voxelize_enclosed, voxelize_solid};
+use mesh_core::{TriMesh, VoxelGrid, bounds, encode_exr, voxelize_enclosed, voxelize_solid};
 
 use super::config::GenerateConfig;
 use super::error::GenerateError;
@@ -15,7 +15,7 @@ pub(super) const PARTS: [&str; 3] = ["ShapeNetVox32", "ShapeNetCore.v1", "ShapeN
 
 /// Writes an object below a root; `pictures` is the folder of its renderings there.
 pub(super) fn write(
-    made: Made,
+    made: Made<'_>,
     config: &GenerateConfig,
     root: &Path,
     object: &Path,
@@ -28,7 +28,7 @@ pub(super) fn write(
                 rgba: rendering.rgba.clone().expect("drawn with alpha for this layout"),
                 camera: rendering.view.camera.to_r2n2()?,
                 depth: rendering.view.depth.clone().filter(|_| config.depth),
-                normals: rendering.normal_picture(),
+                normals: rendering.normal_image(),
             })
         })
         .collect::<Result<_, _>>()?;
@@ -39,7 +39,7 @@ pub(super) fn write(
     }
     let cameras: Vec<_> = renderings.iter().map(|rendering| &rendering.view.camera).collect();
     put_rough(&pictures, &cameras, &rough)?;
-    let truth = Truth { mesh: Some(mesh), points, voxels };
+    let truth = Truth { mesh: Some(mesh.into_owned()), points, voxels };
     r2n2::write_object(root, &info.synset, &info.name, &views, &truth)?;
     Ok(info)
 }
@@ -47,12 +47,11 @@ pub(super) fn write(
 /// The solid in a cube around the middle of the box, whose side is the box's diagonal: so that a
 /// cell has one size for all objects of a dataset.
 fn voxels(mesh: &TriMesh, count: usize) -> VoxelGrid {
-    let (low, high) = mesh.bounds().unwrap_or_default();
-    let half = 0.5 * (0..3).map(|k| (high[k] - low[k]).powi(2)).sum::<f32>().sqrt();
+    let around = mesh.bounds().unwrap_or_default();
+    let half = 0.5 * bounds::diagonal::<f32>(around);
     // Objects are of diagonal 1 up to rounding, and their grids should be one and the same.
     let half = if (half - 0.5).abs() < 1e-5 { 0.5 } else { half.max(1e-6) };
-    let middle: [f32; 3] = std::array::from_fn(|k| 0.5 * (low[k] + high[k]));
-    let middle = middle.map(|x| if x.abs() < 1e-5 * half { 0.0 } else { x });
+    let middle = bounds::center(around).map(|x| if x.abs() < 1e-5 * half { 0.0 } else { x });
     let bounds = (middle.map(|x| x - half), middle.map(|x| x + half));
     if mesh.health().is_watertight() {
         voxelize_solid(mesh, [count; 3], bounds)

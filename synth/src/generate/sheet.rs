@@ -1,7 +1,8 @@
 //! The contact sheet: what was made, at a glance.
 
 use diff_raster::FacesError;
-use mesh_core::{ByteImage, Camera};
+use mesh_core::vector::widen;
+use mesh_core::{ByteImage, Camera, bounds};
 use rayon::prelude::*;
 
 use super::config::GenerateConfig;
@@ -33,23 +34,22 @@ pub(super) fn draw(config: &GenerateConfig, jobs: &[Job<'_>]) -> Result<ByteImag
         .enumerate()
         .flat_map(|(i, row)| row.iter().enumerate().map(move |(j, &job)| (i, j, job)))
         .collect();
-    let pictures: Vec<ByteImage> =
-        shown.par_iter().map(|(_, _, job)| picture(config, job)).collect::<Result<_, _>>()?;
+    let tiles: Vec<ByteImage> =
+        shown.par_iter().map(|(_, _, job)| tile(config, job)).collect::<Result<_, _>>()?;
     let extent = |count: usize| count * SIDE + (count + 1) * GAP;
     let mut sheet = ByteImage::new(extent(rows.len()), extent(columns), 3);
     sheet.data.fill((BACKDROP[0] * 255.0 + 0.5) as u8);
-    for ((i, j, _), picture) in shown.iter().zip(&pictures) {
-        sheet.paste(picture, [extent(*i), extent(*j)]);
+    for ((i, j, _), tile) in shown.iter().zip(&tiles) {
+        sheet.paste(tile, [extent(*i), extent(*j)]);
     }
     Ok(sheet)
 }
 
-fn picture(config: &GenerateConfig, job: &Job<'_>) -> Result<ByteImage, FacesError> {
+fn tile(config: &GenerateConfig, job: &Job<'_>) -> Result<ByteImage, FacesError> {
     const FOV: f64 = 0.5;
     let (mesh, _) = job.mesh();
-    let (low, high) = mesh.bounds().unwrap_or_default();
-    let middle: [f64; 3] = std::array::from_fn(|k| 0.5 * f64::from(low[k] + high[k]));
-    let diagonal = (0..3).map(|k| f64::from(high[k] - low[k]).powi(2)).sum::<f64>().sqrt();
+    let around = mesh.bounds().unwrap_or_default();
+    let (middle, diagonal) = (widen(bounds::center(around)), bounds::diagonal::<f64>(around));
     let distance = 0.5 * diagonal.max(1e-9) / (0.5 * FOV).sin();
     // From the front, its left, and above: what tells most things apart.
     let (azimuth, elevation) = (0.7_f64, 0.4_f64);

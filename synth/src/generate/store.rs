@@ -109,7 +109,7 @@ impl Store {
     /// Writes an object.
     pub(super) fn put(
         &self,
-        made: Made,
+        made: Made<'_>,
         config: &GenerateConfig,
     ) -> Result<ObjectInfo, GenerateError> {
         let ObjectInfo { category, synset, name, .. } = &made.info;
@@ -194,7 +194,7 @@ const TRANSFORMS: Names = Names {
 
 /// Views, truth and extras in one folder.
 fn write_folder(
-    made: Made,
+    made: Made<'_>,
     config: &GenerateConfig,
     folder: &Path,
     names: &Names,
@@ -204,8 +204,8 @@ fn write_folder(
         put(&folder.join((names.monocular)(i)), &encode_exr(image))?;
     }
     for (i, rendering) in renderings.iter().enumerate() {
-        if let Some(picture) = rendering.normal_picture() {
-            put(&folder.join((names.normals)(i)), &encode_png(&picture))?;
+        if let Some(normals) = rendering.normal_image() {
+            put(&folder.join((names.normals)(i)), &encode_png(&normals))?;
         }
     }
     let views: Vec<View> = renderings

@@ -3,7 +3,8 @@
 use datasets::SurfacePoints;
 use diff_raster::FacesError;
 use mesh_core::primitives::icosphere;
-use mesh_core::{Camera, TriMesh, sample_points};
+use mesh_core::vector::widen;
+use mesh_core::{Camera, TriMesh, bounds, sample_points};
 
 use crate::{RenderOptions, Rendering, render};
 
@@ -33,9 +34,8 @@ pub(super) fn visible_points(
     count: usize,
     seed: u64,
 ) -> Result<SurfacePoints, FacesError> {
-    let Some((low, high)) = mesh.bounds() else { return Ok(SurfacePoints::default()) };
-    let middle: [f64; 3] = std::array::from_fn(|k| 0.5 * f64::from(low[k] + high[k]));
-    let diagonal = (0..3).map(|k| f64::from(high[k] - low[k]).powi(2)).sum::<f64>().sqrt();
+    let Some(around) = mesh.bounds() else { return Ok(SurfacePoints::default()) };
+    let (middle, diagonal) = (widen(bounds::center(around)), bounds::diagonal::<f64>(around));
     let away = 1.02 * 0.5 * diagonal / (0.5 * FOV).sin();
     let cameras: Vec<Camera> = icosphere(1)
         .positions

@@ -115,7 +115,7 @@ fn windows(all: &mut Assembly, plane: &Plane, style: Style) {
             let z = plane.z(0.25);
             let top = plane.at(0.25)[1];
             let radii = [0.4 * plane.radius, 0.48 * plane.radius, 0.85];
-            all.add("canopy", solid::ball([0.0, top - 0.05, z], radii, 14), GLASS);
+            all.add("canopy", solid::ellipsoid([0.0, top - 0.05, z], radii, 14), GLASS);
         }
         Style::Propeller => {
             all.pair(

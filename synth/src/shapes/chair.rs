@@ -5,8 +5,8 @@ use mesh_core::TriMesh;
 use super::draw::Draw;
 use super::family::Family;
 use super::joinery::{
-    Point, add, ball, beam, bent, block, curve, ellipse, flat, moved, pitched, plate, rod, turned,
-    yawed,
+    Point, add, beam, bent, block, curve, ellipse, flat, moved, pitched, plate, rod, sphere,
+    turned, yawed,
 };
 use super::paint::Paint;
 use super::shape::Shape;
@@ -197,7 +197,7 @@ impl Chair {
             let turn = 360.0 * k as f64 / arms as f64;
             let arm = beam([0.0, 0.11, 0.0], [0.0, low, reach], [0.055, 0.04], 0.6, self.frame);
             self.made.add("arm of the star", yawed(arm, turn));
-            let wheel = if wheels { ball(0.032, 14) } else { ball(0.026, 12) };
+            let wheel = if wheels { sphere(0.032, 14) } else { sphere(0.026, 12) };
             let place = [0.0, if wheels { 0.032 } else { 0.02 }, reach];
             let wheel = moved(wheel, place).colored([0.1, 0.1, 0.11]);
             self.made.add("wheel", yawed(wheel, turn));
@@ -361,7 +361,7 @@ impl Chair {
             let post = beam(from, to, [0.036, 0.036], 0.85, self.frame);
             self.lean_on("post", post);
             if ends {
-                let knob = self.frame.on(ball(0.026, 12));
+                let knob = self.frame.on(sphere(0.026, 12));
                 self.lean_on("knob", moved(knob, to));
             }
         }
@@ -382,7 +382,7 @@ impl Chair {
             for j in 0..rows {
                 let x = self.half() * (2.0 * (i as f64 + 0.5) / columns as f64 - 1.0) * 0.95;
                 let y = self.rise * (0.22 + 0.62 * (j as f64 + 0.5) / rows as f64);
-                let button = ball(0.014, 8).colored(color);
+                let button = sphere(0.014, 8).colored(color);
                 self.lean_on("button", moved(button, [x, y, 0.5 * thick + 0.004]));
             }
         }

@@ -222,8 +222,8 @@ pub(super) fn profile(points: &[[f64; 2]], parts: usize) -> Vec<[f64; 2]> {
     curve(&points, parts).into_iter().map(|p| [p[0].max(1e-3), p[1]]).collect()
 }
 
-/// A ball.
-pub(super) fn ball(radius: f64, segments: usize) -> TriMesh {
+/// A sphere about the origin.
+pub(super) fn sphere(radius: f64, segments: usize) -> TriMesh {
     primitives::uv_sphere(segments / 2, segments).scaled([radius as f32; 3])
 }
 

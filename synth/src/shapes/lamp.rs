@@ -5,7 +5,8 @@ use mesh_core::TriMesh;
 use super::draw::{Draw, hsv};
 use super::family::Family;
 use super::joinery::{
-    Point, add, ball, block, curve, moved, profile, rod, scale, turned, unit, upright_along, yawed,
+    Point, add, block, curve, moved, profile, rod, scale, sphere, turned, unit, upright_along,
+    yawed,
 };
 use super::paint::{Color, Paint};
 use super::shape::Shape;
@@ -133,7 +134,7 @@ impl Lamp {
                     let leg = rod(&path, |t| self.thick * (1.1 - 0.3 * t), 12);
                     self.made.add("leg", self.frame.on(yawed(leg, 120.0 * f64::from(k) + 60.0)));
                 }
-                let hub_ball = self.frame.on(ball(2.0 * self.thick, 16));
+                let hub_ball = self.frame.on(sphere(2.0 * self.thick, 16));
                 self.made.add("hub", moved(hub_ball, [0.0, hub, 0.0]));
                 hub - 0.01
             }
@@ -170,7 +171,7 @@ impl Lamp {
                 for k in 0..count {
                     let y = low + r * (2.0 * k as f64 + 0.9) * 0.94;
                     let paint = if k % 2 == 0 { self.frame } else { Paint::Plain(self.colors[0]) };
-                    let bead = paint.on(ball(r, 28));
+                    let bead = paint.on(sphere(r, 28));
                     self.made.add("body", moved(bead, [0.0, y, 0.0]));
                 }
             }
@@ -196,8 +197,8 @@ impl Lamp {
                 [at(0.0, from), at(0.6 * reach, from + 0.07), end]
             };
             self.rod("branch", &curve(&path, 8));
-            let way = if rising { [0.0, 1.0, 0.0] } else { [0.0, -1.0, 0.0] };
-            self.head(end, way);
+            let direction = if rising { [0.0, 1.0, 0.0] } else { [0.0, -1.0, 0.0] };
+            self.head(end, direction);
         }
     }
 
@@ -252,18 +253,18 @@ impl Lamp {
             }
             for joint in [shoulder, elbow, wrist] {
                 let size = self.thick * if pairs { 2.5 } else { 1.9 };
-                let knuckle = ball(size, 16).colored([0.25, 0.26, 0.28]);
+                let knuckle = sphere(size, 16).colored([0.25, 0.26, 0.28]);
                 self.made.add("joint", moved(knuckle, joint));
             }
-            let way = unit(add(at(0.45, 0.0), [0.0, -1.0, 0.0]));
-            self.head(wrist, way);
+            let direction = unit(add(at(0.45, 0.0), [0.0, -1.0, 0.0]));
+            self.head(wrist, direction);
         }
     }
 
     /// A shade with its socket and light, hung at a place, open towards a direction.
-    fn head(&mut self, at: Point, way: Point) {
+    fn head(&mut self, at: Point, direction: Point) {
         let r = self.radius;
-        let rows = upright_along(scale(way, -1.0), at);
+        let rows = upright_along(scale(direction, -1.0), at);
         let socket = turned(
             &[[0.2 * r, -0.34 * r], [0.22 * r, 0.0], [0.16 * r, 0.12 * r], [0.0, 0.14 * r]],
             24,
@@ -271,7 +272,7 @@ impl Lamp {
         self.made.add("socket", self.frame.on(socket).transformed(&rows));
         self.made.add("shade", self.cover().transformed(&rows));
         if self.shade == "cone" || self.shade == "dome" {
-            let bulb = ball(0.34 * r, 20).colored([1.0, 0.95, 0.72]);
+            let bulb = sphere(0.34 * r, 20).colored([1.0, 0.95, 0.72]);
             self.made.add("bulb", moved(bulb, [0.0, -0.5 * r, 0.0]).transformed(&rows));
         }
     }
@@ -291,7 +292,7 @@ impl Lamp {
         };
         let (low, high, outline) = match self.shade {
             "globe" => {
-                return moved(ball(r, 40), [0.0, -0.92 * r, 0.0]).colored(self.colors[0]);
+                return moved(sphere(r, 40), [0.0, -0.92 * r, 0.0]).colored(self.colors[0]);
             }
             "drum" => {
                 let (low, high) = (-1.05 * r, 0.28 * r);

@@ -159,7 +159,7 @@ fn controls(all: &mut Assembly, b: &Bike, draw: &mut Draw) -> &'static str {
         let high = if kind == "ape hanger" { 0.1 } else { 0.16 };
         let tip = add(root, [0.07, high, -0.02]);
         all.pair("mirror arm", solid::bar(&[root, tip], 0.011, 1, 8), metal);
-        let glass = solid::ball(add(tip, [0.01, 0.02, 0.0]), [0.075, 0.05, 0.025], 8);
+        let glass = solid::ellipsoid(add(tip, [0.01, 0.02, 0.0]), [0.075, 0.05, 0.025], 8);
         all.pair("mirror", glass, if b.style == Style::Cruiser { CHROME } else { DARK });
     }
     let round = matches!(b.style, Style::Cruiser | Style::Naked);

@@ -1,6 +1,6 @@
 //! One thing that was drawn.
 
-use mesh_core::TriMesh;
+use mesh_core::{TriMesh, bounds};
 
 use super::family::Family;
 
@@ -36,9 +36,8 @@ impl Shape {
         for part in &self.parts {
             all.append(&part.mesh).expect("parts are small and all coloured");
         }
-        let (low, high) = all.bounds().expect("a shape has vertices");
-        let diagonal = (0..3).map(|k| (high[k] - low[k]).powi(2)).sum::<f32>().sqrt();
-        let middle: [f32; 3] = std::array::from_fn(|k| 0.5 * (low[k] + high[k]));
+        let around = all.bounds().expect("a shape has vertices");
+        let (middle, diagonal) = (bounds::center(around), bounds::diagonal::<f32>(around));
         for p in &mut all.positions {
             *p = std::array::from_fn(|k| (p[k] - middle[k]) / diagonal);
         }

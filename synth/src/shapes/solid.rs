@@ -25,7 +25,7 @@ pub(super) fn rounded_block(center: Point, sides: Point, radius: f64) -> TriMesh
 }
 
 /// An ellipsoid around a centre.
-pub(super) fn ball(center: Point, radii: Point, rows: usize) -> TriMesh {
+pub(super) fn ellipsoid(center: Point, radii: Point, rows: usize) -> TriMesh {
     primitives::uv_sphere(rows, 2 * rows).scaled(narrow(radii)).translated(narrow(center))
 }
 

@@ -3,7 +3,8 @@
 use super::draw::Draw;
 use super::family::Family;
 use super::joinery::{
-    Point, ball, beam, bent, block, curve, ellipse, flat, moved, plate, profile, rod, turned, yawed,
+    Point, beam, bent, block, curve, ellipse, flat, moved, plate, profile, rod, sphere, turned,
+    yawed,
 };
 use super::paint::Paint;
 use super::shape::Shape;
@@ -218,7 +219,7 @@ impl Table {
         let color = self.frame.main().map(|c| (0.62 * c + 0.3).min(1.0));
         let front = block([size[0], size[1], 0.03], 0.008, [4, 3, 1], Paint::Plain(color));
         self.made.add("drawer", moved(front, [at[0], at[1], at[2] + 0.005]));
-        let knob = ball(0.02, 14).colored([0.2, 0.19, 0.18]);
+        let knob = sphere(0.02, 14).colored([0.2, 0.19, 0.18]);
         self.made.add("knob", moved(knob, [at[0], at[1], at[2] + 0.035]));
     }
 
@@ -299,10 +300,10 @@ impl Table {
         let (h, [x, z]) = (self.height, self.corner());
         let x = 0.88 * x;
         for side in [-x, x] {
-            for way in [-1.0, 1.0] {
+            for sign in [-1.0, 1.0] {
                 // A little apart where they cross.
-                let shift = side + 0.012 * way;
-                let (from, to) = ([shift, h + 0.01, way * z], [shift, 0.0, -way * z]);
+                let shift = side + 0.012 * sign;
+                let (from, to) = ([shift, h + 0.01, sign * z], [shift, 0.0, -sign * z]);
                 self.made.add("leg", beam(from, to, [0.05, 0.065], 1.0, self.frame));
             }
         }

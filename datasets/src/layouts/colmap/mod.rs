@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use mesh_core::DepthMap;
 
-use crate::assemble::{Picture, assemble, camera_of_size, read_picture, without_extension};
+use crate::assemble::{ImageFile, assemble, camera_of_size, read_image_file, without_extension};
 use crate::dataset::{Catalog, Dataset};
 use crate::error::ReadViewsError;
 use crate::layouts::single::SingleObject;
@@ -128,7 +128,7 @@ impl Project {
         let source = opened.source();
         let files = [self.file(source, "cameras"), self.file(source, "images")];
         let (camera, distortion) = self.model.camera(image, [&files[0], &files[1]])?;
-        let picture = read_picture(opened, name, "picture")?;
+        let picture = read_image_file(opened, name, "picture")?;
         let field = format!("camera {} WIDTH, HEIGHT", image.camera);
         let camera = camera_of_size(camera, &picture, &files[0], &field)?;
         let stem = without_extension(&image.name);
@@ -145,7 +145,7 @@ impl Project {
         &self,
         opened: &mut Opened<'_>,
         image: &ModelImage,
-        picture: &Picture,
+        picture: &ImageFile,
     ) -> Result<Option<(PathBuf, DepthMap)>, ReadViewsError> {
         let names = ["geometric", "photometric"]
             .map(|kind| format!("{}stereo/depth_maps/{}.{kind}.bin", self.base, image.name));

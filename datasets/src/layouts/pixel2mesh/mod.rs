@@ -20,7 +20,7 @@ use mesh_core::{ByteImage, Camera, nalgebra::Matrix3, nalgebra::Vector3};
 pub use ellipsoid::{Ellipsoid, EllipsoidLevel, Support};
 pub use sample::{Sample, read_sample, write_sample};
 
-use crate::assemble::{Picture, assemble, read_picture};
+use crate::assemble::{ImageFile, assemble, read_image_file};
 use crate::backdrop::mask_from_backdrop;
 use crate::content::{cut, numbered};
 use crate::dataset::{Catalog, Dataset, Entry, Truth};
@@ -172,11 +172,11 @@ impl Dataset for Pixel2Mesh {
             assert!(view == 0, "views: view {view} of a sample, which has one");
             pending.push(Box::new(|opened| {
                 let picture = if let Some(image) = read_sample(file)?.picture {
-                    Picture { path: file.clone(), image }
+                    ImageFile { path: file.clone(), image }
                 } else {
                     let png = file.with_extension("png");
                     let name = png.file_name().unwrap_or_default().to_string_lossy().into_owned();
-                    read_picture(opened, &name, "picture of the sample")?
+                    read_image_file(opened, &name, "picture of the sample")?
                 };
                 let (width, height) = (picture.image.width, picture.image.height);
                 let camera = Camera {

@@ -62,7 +62,7 @@ use std::path::{Path, PathBuf};
 use mesh_core::{ByteImage, io::binvox};
 use rayon::prelude::*;
 
-use crate::assemble::{assemble, read_picture};
+use crate::assemble::{assemble, read_image_file};
 use crate::dataset::{Catalog, Dataset, Entry, Truth};
 use crate::depth;
 use crate::error::{ReadViewsError, ViewsProblem};
@@ -155,7 +155,7 @@ impl R2n2 {
         if !source.has(&name) {
             return Ok(None);
         }
-        let picture = read_picture(&mut source.open()?, &name, "normals")?;
+        let picture = read_image_file(&mut source.open()?, &name, "normals")?;
         Ok(Some(picture.image.to_rgb()))
     }
 
@@ -210,7 +210,7 @@ impl Dataset for R2n2 {
             }
             let (source, lens) = (&source, self.lens);
             pending.push(Box::new(move |opened| {
-                let picture = read_picture(opened, &line.picture, "picture")?;
+                let picture = read_image_file(opened, &line.picture, "picture")?;
                 let camera = lens.camera(line, picture.image.width, picture.image.height);
                 let field = format!("line {} with {lens:?}", view + 1);
                 let file = source.locate(metadata::FILE);

@@ -7,7 +7,7 @@ use mesh_core::{TriMesh, primitives};
 use crate::shapes::draw::{Draw, hsv};
 use crate::shapes::family::Family;
 use crate::shapes::joinery::{
-    Point, ball, block, curve, ellipse, moved, pitched, plate, rod, rolled, turned,
+    Point, block, curve, ellipse, moved, pitched, plate, rod, rolled, sphere, turned,
 };
 use crate::shapes::paint::{Color, Paint};
 use crate::shapes::shape::Shape;
@@ -248,7 +248,7 @@ impl Clock {
                 let head: Point = [r + 0.1, 1.0 + 0.2 + 0.35 * r, 0.0];
                 let path = [[x, y - 0.1, 0.0], [x + 0.06, y + 0.25, 0.0], head];
                 self.made.add("hammer", self.metal.on(rod(&curve(&path, 8), |_| 0.045, 12)));
-                self.made.add("hammer head", moved(self.metal.on(ball(0.12, 18)), head));
+                self.made.add("hammer head", moved(self.metal.on(sphere(0.12, 18)), head));
             }
             "hammer" => {
                 let stalk = rod(&[[0.0, -0.1, 0.0], [0.0, 0.45, 0.0]], |_| 0.05, 12);
@@ -303,7 +303,7 @@ impl Clock {
             "balls" => {
                 let r = draw.within(0.15, 0.2);
                 for z in [-0.25, 0.25] {
-                    let foot = moved(ball(r, 20), [x, low - 0.6 * r, z * self.depth]);
+                    let foot = moved(sphere(r, 20), [x, low - 0.6 * r, z * self.depth]);
                     self.made.add_pair("foot", self.metal.on(foot));
                 }
             }

@@ -60,8 +60,11 @@ pub(super) fn roof(
                 for share in [0.02, 0.97] {
                     let z = if share < 0.5 { r + 0.06 } else { bus.face(h - 0.15) - 0.02 };
                     for (x, color) in [(0.62, AMBER), (0.82, RED)] {
-                        let lamp =
-                            solid::ball([x * bus.half - 0.12, h - 0.16, z], [0.1, 0.1, 0.07], 8);
+                        let lamp = solid::ellipsoid(
+                            [x * bus.half - 0.12, h - 0.16, z],
+                            [0.1, 0.1, 0.07],
+                            8,
+                        );
                         all.pair("beacon", lamp, color);
                     }
                 }

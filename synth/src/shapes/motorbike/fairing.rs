@@ -60,7 +60,7 @@ pub(super) fn fairing(all: &mut Assembly, b: &Bike, draw: &mut Draw) -> &'static
                 solid::bar(&[[0.15, y - 0.06, z + 0.18], tip], 0.012, 1, 8),
                 DARK,
             );
-            all.pair("mirror", solid::ball(tip, [0.07, 0.04, 0.03], 8), b.paint);
+            all.pair("mirror", solid::ellipsoid(tip, [0.07, 0.04, 0.03], 8), b.paint);
             "full fairing"
         }
         Style::Touring => {
@@ -90,7 +90,7 @@ pub(super) fn fairing(all: &mut Assembly, b: &Bike, draw: &mut Draw) -> &'static
             let plate = solid::rotated(plate, [0.0; 3], X, -0.35);
             let at = add(b.head, [0.0, -0.02, 0.1]).map(|v| v as f32);
             all.add("number plate", plate.translated(at), b.accent);
-            let lamp = solid::ball(add(b.head, [0.0, -0.06, 0.13]), [0.06, 0.05, 0.04], 8);
+            let lamp = solid::ellipsoid(add(b.head, [0.0, -0.06, 0.13]), [0.06, 0.05, 0.04], 8);
             all.add("headlight", lamp, LIGHT);
             let wing = [
                 [z - 0.02, y - 0.02],

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use datasets::View;
 use diff_raster::{Faces, Fragments, NONE, Scratch, Settings, rasterize_into};
 use mesh_core::bilinear;
-use mesh_core::vector::dot;
+use mesh_core::vector::{affine, dot, norm, sub};
 use ndarray::ArrayView3;
 
 use super::target::Target;
@@ -15,7 +15,7 @@ const MARGIN: usize = 4;
 
 /// The part of a view that shows the object, averaged down to a side of so many pixels, and the camera of this grid.
 #[derive(Clone, Debug)]
-pub(super) struct Picture {
+pub(super) struct GrayImage {
     /// Columns, and rows.
     pub(super) size: [usize; 2],
     /// Where the camera is, seen from the middle of the fitted frame; of length 1.
@@ -31,7 +31,7 @@ pub(super) struct Picture {
     inverse: [[f32; 3]; 3],
 }
 
-/// What a picture shows of a mesh, in memory that is kept.
+/// What a view shows of a mesh, in memory that is kept.
 #[derive(Default)]
 pub(super) struct Drawn {
     pub(super) fragments: Fragments,
@@ -39,7 +39,7 @@ pub(super) struct Drawn {
     ndc: Vec<f32>,
 }
 
-impl Picture {
+impl GrayImage {
     /// A view whose object is at most `side` pixels wide and high.
     pub(super) fn new(target: &Target, view: &View, side: usize) -> Self {
         let [top, left, bottom, right] = bounds(target);
@@ -50,7 +50,7 @@ impl Picture {
         let right = (right + pad).min(target.width);
         let size = [(right - left).div_ceil(shrink), (bottom - top).div_ceil(shrink)];
         let rows = target.rows_of_part(left, top, shrink);
-        let mut picture = Self {
+        let mut image = Self {
             size,
             from: [0.0; 3],
             brightness: vec![0.0; size[0] * size[1]],
@@ -59,26 +59,26 @@ impl Picture {
             rows,
             inverse: inverse(&rows),
         };
-        picture.from = picture.direction();
-        let image = &view.color;
+        image.from = image.direction();
+        let color = &view.color;
         let (mut counts, mut inside) =
             (vec![0u32; size[0] * size[1]], vec![0u32; size[0] * size[1]]);
         for row in top..bottom {
-            let source = ((target.top + row) * image.width + target.left) * image.channels;
+            let source = ((target.top + row) * color.width + target.left) * color.channels;
             for column in left..right {
                 let to = (row - top) / shrink * size[0] + (column - left) / shrink;
-                let bytes = &image.data[source + column * image.channels..];
-                let gray = |k: usize| f32::from(bytes[k.min(image.channels - 1)]) / 255.0;
-                picture.brightness[to] += 0.299 * gray(0) + 0.587 * gray(1) + 0.114 * gray(2);
+                let bytes = &color.data[source + column * color.channels..];
+                let gray = |k: usize| f32::from(bytes[k.min(color.channels - 1)]) / 255.0;
+                image.brightness[to] += 0.299 * gray(0) + 0.587 * gray(1) + 0.114 * gray(2);
                 counts[to] += 1;
                 inside[to] += u32::from(target.in_mask(row * target.width + column));
             }
         }
         for (k, &count) in counts.iter().enumerate() {
-            picture.brightness[k] /= count.max(1) as f32;
-            picture.mask[k] = 2 * inside[k] > count;
+            image.brightness[k] /= count.max(1) as f32;
+            image.mask[k] = 2 * inside[k] > count;
         }
-        picture
+        image
     }
 
     /// Where the camera is, seen from the origin.
@@ -105,7 +105,7 @@ impl Picture {
     /// Before the division by depth.
     #[inline]
     pub(super) fn homogeneous(&self, p: [f32; 3]) -> [f32; 3] {
-        self.rows.map(|r| r[0] * p[0] + r[1] * p[1] + r[2] * p[2] + r[3])
+        affine(&self.rows, p)
     }
 
     /// The place on the grid of a point, and its depth.
@@ -135,7 +135,7 @@ impl Picture {
     pub(super) fn width_at(&self, depth: f32) -> f32 {
         let [x, y] = self.size.map(|s| 0.5 * s as f32);
         let [a, b] = [x, x + 1.0].map(|x| self.point(x, y, depth));
-        (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f32>().sqrt()
+        norm(sub(a, b))
     }
 
     /// Depth along the optical axis to a unit length of the fitted frame.
@@ -220,12 +220,12 @@ mod tests {
             mask.data.fill(255);
             let view = View { name: String::new(), color, mask, camera, depth: None };
             let target = Target::new(&view, Blur::plain(1.0), 0.5, 4.0).unwrap();
-            let picture = Picture::new(&target, &view, 64);
-            let at = |k: f32| if width > 1 { picture.at(k, 0.5) } else { picture.at(0.5, k) };
-            for (k, &bright) in picture.brightness.iter().enumerate() {
+            let image = GrayImage::new(&target, &view, 64);
+            let at = |k: f32| if width > 1 { image.at(k, 0.5) } else { image.at(0.5, k) };
+            for (k, &bright) in image.brightness.iter().enumerate() {
                 assert_eq!(at(k as f32 + 0.5), bright, "{height} x {width}, {k}");
             }
-            assert_eq!(at(50.0), *picture.brightness.last().unwrap());
+            assert_eq!(at(50.0), *image.brightness.last().unwrap());
         }
     }
 }

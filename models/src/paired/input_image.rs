@@ -9,11 +9,11 @@ use crate::view_cache::Stored;
 
 /// An image of `[S, S, 3]`, white outside of the object, with what its camera says.
 #[derive(Clone, Debug)]
-pub struct Picture {
+pub struct InputImage {
     /// What it is called in messages.
     pub name: String,
     /// `[S, S, 3]`, sRGB.
-    pub image: Vec<u8>,
+    pub pixels: Vec<u8>,
     /// `[S, S]`, the share of the object in each pixel.
     pub mask: Vec<u8>,
     /// Planar depth `[S, S]` in the world's unit, `+∞` where nothing is seen; where the view has depth.
@@ -26,7 +26,7 @@ pub struct Picture {
     pub frame: Frame,
 }
 
-impl Picture {
+impl InputImage {
     /// Resizes a view to `side` pixels; one that is not square is squeezed, and its lens with it. In the camera's frame.
     ///
     /// # Errors
@@ -41,7 +41,7 @@ impl Picture {
         let camera = view.camera.resized(side, side);
         Ok(Self {
             name: view.name.clone(),
-            image: view.over([255; 3]).resized(side, side).data,
+            pixels: view.over([255; 3]).resized(side, side).data,
             mask: mask.data,
             depth: view.depth.as_ref().map(|depth| depth.resized(side, side).data),
             lens: FrameKind::Camera.lens(&camera, scale),
@@ -58,7 +58,7 @@ impl Picture {
             channels,
             data: data.to_vec(),
         };
-        let (color, mask) = (bytes(3, &self.image), bytes(1, &self.mask));
+        let (color, mask) = (bytes(3, &self.pixels), bytes(1, &self.mask));
         View { name: self.name.clone(), color, mask, camera: self.camera.clone(), depth: None }
     }
 
@@ -77,9 +77,9 @@ impl Picture {
     }
 }
 
-impl Stored for Picture {
+impl Stored for InputImage {
     fn bytes(&self) -> usize {
-        self.image.len() + self.mask.len() + 4 * self.depth.as_ref().map_or(0, Vec::len)
+        self.pixels.len() + self.mask.len() + 4 * self.depth.as_ref().map_or(0, Vec::len)
     }
 }
 
@@ -103,14 +103,14 @@ mod tests {
         let mut view = view();
         let data = (0..1200).map(|k| if k % 40 < 20 { 1.5 } else { f32::INFINITY }).collect();
         view.depth = Some(DepthMap { height: 30, width: 40, data });
-        let depth = Picture::new(&view, 32, 0.57).unwrap().depth.unwrap();
+        let depth = InputImage::new(&view, 32, 0.57).unwrap().depth.unwrap();
         assert_eq!((depth[15], depth[16]), (1.5, f32::INFINITY));
     }
 
     /// The lens is that of the resized camera, whose image is no longer 4 to 3.
     #[test]
     fn a_frame_is_asked_for() {
-        let camera = Picture::new(&view(), 32, 0.57).unwrap();
+        let camera = InputImage::new(&view(), 32, 0.57).unwrap();
         let object = camera.clone().with_frame(FrameKind::Object);
         assert_eq!(
             (camera.frame, object.frame),
@@ -123,8 +123,8 @@ mod tests {
 
     #[test]
     fn it_is_white_around_the_object() {
-        let picture = Picture::new(&view(), 40, 1.0).unwrap();
-        assert_eq!(&picture.image[..3], &[255; 3]);
-        assert!(picture.image.iter().any(|&x| x < 128), "the object is dark");
+        let image = InputImage::new(&view(), 40, 1.0).unwrap();
+        assert_eq!(&image.pixels[..3], &[255; 3]);
+        assert!(image.pixels.iter().any(|&x| x < 128), "the object is dark");
     }
 }

@@ -1,46 +1,16 @@
-//! What is drawn of a set of views: a contact sheet, and the cameras around the hull.
+//! The cameras around the hull, drawn from above and from the side.
 
 use std::fmt::Write as _;
 
-use datasets::View;
-use mesh_core::{ByteImage, Camera, Mask, VoxelGrid};
+use mesh_core::vector::{norm, sub};
+use mesh_core::{Camera, VoxelGrid};
 
-use super::hull::Ball;
+use super::hull::Sphere;
 
-/// Longest side of an image on the sheet.
-const TILE: usize = 144;
-/// Images on the sheet; of more, evenly chosen ones.
-const MOST_TILES: usize = 48;
 /// Side of one drawing of the cameras.
 const PANEL: f64 = 420.0;
 /// Cameras that are drawn; of more, evenly chosen ones.
 const MOST_CAMERAS: usize = 120;
-
-/// The views in rows, each with the border of its mask in green.
-pub(crate) fn contact_sheet(views: &[View]) -> ByteImage {
-    let step = views.len().div_ceil(MOST_TILES).max(1);
-    let shown: Vec<View> = views.iter().step_by(step).map(|v| v.clone().at_most(TILE)).collect();
-    let columns = (shown.len() as f64).sqrt().ceil() as usize;
-    let rows = shown.len().div_ceil(columns.max(1));
-    let mut sheet = ByteImage::new((rows * TILE).max(1), (columns * TILE).max(1), 3);
-    sheet.data.fill(40);
-    for (k, view) in shown.iter().enumerate() {
-        let top = k / columns * TILE + (TILE - view.color.height) / 2;
-        let left = k % columns * TILE + (TILE - view.color.width) / 2;
-        sheet.paste(&outlined(view), [top, left]);
-    }
-    sheet
-}
-
-/// The view with the outline of its mask.
-fn outlined(view: &View) -> ByteImage {
-    let mut color = view.color.to_rgb();
-    let outline = Mask::at_least(&view.mask, 1).outline();
-    for (pixel, _) in color.data.chunks_exact_mut(3).zip(outline.data).filter(|(_, on)| *on) {
-        pixel.copy_from_slice(&[40, 220, 90]);
-    }
-    color
-}
 
 /// Which two axes of the world a drawing shows: right and up.
 struct Panel {
@@ -61,16 +31,16 @@ const PANELS: [Panel; 2] = [
 /// Each is the pyramid of what it sees, the first one in orange; the hull is grey.
 pub(crate) fn cameras_svg(
     cameras: &[&Camera],
-    ball: Option<Ball>,
+    sphere: Option<Sphere>,
     hull: Option<&VoxelGrid>,
 ) -> String {
     let step = cameras.len().div_ceil(MOST_CAMERAS).max(1);
     let cameras: Vec<&Camera> = cameras.iter().step_by(step).copied().collect();
-    let middle = ball.map_or_else(|| mean_center(&cameras), |ball| ball.center);
+    let middle = sphere.map_or_else(|| mean_center(&cameras), |sphere| sphere.center);
     let reach = cameras
         .iter()
-        .map(|camera| distance(camera.center().into(), middle))
-        .chain(ball.map(|ball| ball.radius))
+        .map(|camera| norm(sub(camera.center().into(), middle)))
+        .chain(sphere.map(|sphere| sphere.radius))
         .filter(|d| d.is_finite())
         .fold(0.0, f64::max)
         .max(1e-9);
@@ -110,10 +80,6 @@ pub(crate) fn cameras_svg(
 fn mean_center(cameras: &[&Camera]) -> [f64; 3] {
     let n = cameras.len().max(1) as f64;
     std::array::from_fn(|k| cameras.iter().map(|c| c.center()[k]).sum::<f64>() / n)
-}
-
-fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
-    (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f64>().sqrt()
 }
 
 /// The shadow of the hull on the panel, one rectangle for each run of cells.

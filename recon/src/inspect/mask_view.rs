@@ -4,35 +4,17 @@ use std::sync::Arc;
 
 use datasets::View;
 use mesh_core::nalgebra::{Matrix3, Vector3};
+use mesh_core::vector::affine;
 use mesh_core::{Camera, Lens, Mask};
+
+use super::reading::Reading;
 
 /// Longer sides are averaged down to this: enough to judge by, little enough to search with.
 const LONGEST: usize = 192;
 
-/// A supposition about how the cameras or masks of a set of views are to be read.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Reading {
-    /// As they are.
-    AsGiven,
-    /// The images are upside down.
-    FlippedY,
-    /// The images are mirrored.
-    FlippedX,
-    /// The images are turned by half.
-    Turned,
-    /// The cameras' axes are y down, z forward.
-    OpenCvAxes,
-    /// The poses go from the camera to the world.
-    InversePose,
-    /// Both.
-    InverseOpenCvPose,
-    /// The focal length is so many times what is given.
-    Focal(f64),
-}
-
 /// A mask and its camera as one reading has them.
 #[derive(Clone, Debug)]
-pub(crate) struct Eye {
+pub(crate) struct MaskView {
     pub(crate) camera: Camera,
     /// Rows X, Y, W of the projection to normalised device coordinates.
     rows: [[f64; 4]; 3],
@@ -43,7 +25,7 @@ pub(crate) struct Eye {
     open: bool,
 }
 
-impl Eye {
+impl MaskView {
     /// The view as it is given, made small.
     pub(crate) fn new(view: &View) -> Self {
         Self::seen_by(view, &view.camera)
@@ -110,7 +92,7 @@ impl Eye {
 
     /// Whether a point may be of the object, for all that this image says.
     pub(crate) fn allows(&self, p: [f64; 3]) -> bool {
-        let [x, y, depth] = self.rows.map(|r| r[0] * p[0] + r[1] * p[1] + r[2] * p[2] + r[3]);
+        let [x, y, depth] = affine(&self.rows, p);
         let over = if self.camera.is_perspective() {
             if depth <= 0.0 {
                 return false;
