@@ -227,10 +227,11 @@ impl Command<'_> {
                 progress.set(*done as usize, *total as usize);
                 let from = if *done > 0 { format!(", from step {done} on") } else { String::new() };
                 shown.remark(format_args!(
-                    "training {}, {called}: {trainable} numbers, {total} steps of {} samples, \
+                    "training {}, {called}: {trainable} numbers, {} of {}, \
                          {steps_per_epoch} an epoch{from}\n{}",
                     S::NAME,
-                    job.config.train.batch * job.config.train.accumulate,
+                    counted(*total as usize, "step"),
+                    counted(job.config.train.batch * job.config.train.accumulate, "sample"),
                     circumstances(job)
                 ));
                 pace.begin(*done);

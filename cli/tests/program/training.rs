@@ -86,7 +86,7 @@ fn a_training_says_what_it_will_do() {
     let deep = said("mesh-rcnn -o runs/deep");
     for part in [
         "training mesh-rcnn, preset tiny: ",
-        " numbers, 1 steps of 2 samples",
+        " numbers, 1 step of 2 samples",
         "measured depth",
         "--depth",
         "data   made by the system, seed 0",

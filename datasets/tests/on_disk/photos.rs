@@ -349,7 +349,7 @@ mod mcmr {
         std::fs::rename(class.join("masks_VOC"), class.join("masks")).unwrap();
         let mcmr = Mcmr::open(copy.path()).unwrap();
         assert_eq!(mcmr.entries().len(), 1);
-        assert!(mcmr.warnings()[0].contains("1 objects"), "{:?}", mcmr.warnings());
+        assert!(mcmr.warnings()[0].contains("1 object is"), "{:?}", mcmr.warnings());
     }
 
     #[test]
