@@ -45,7 +45,7 @@ pub(crate) fn diagnosis(views: &Views, options: &ReadOptions) -> Vec<String> {
 
 /// [`diagnosis`] without the problems of these names, of which something is said already.
 pub(crate) fn diagnosis_beside(views: &Views, options: &ReadOptions, said: &[&str]) -> Vec<String> {
-    let found = inspect_views_with(views, &Truth::default(), options);
+    let found = inspect_views_with(&views.whole(), &Truth::default(), options);
     let new = found.problems.into_iter().filter(|problem| !said.contains(&problem.kind));
     new.map(|problem| problem.message).collect()
 }

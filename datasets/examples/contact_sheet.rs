@@ -72,7 +72,7 @@ fn discs() -> Vec<View> {
                 let pixel = if inside { [200, shade, 25 * n as u8] } else { [90, 92, 96] };
                 color.data[3 * k..3 * k + 3].copy_from_slice(&pixel);
             }
-            View { name: n.to_string(), color, mask, camera, depth: None }
+            View { name: n.to_string(), color, mask, camera, depth: None, crop: None }
         })
         .collect()
 }

@@ -180,7 +180,7 @@ pub(crate) fn assemble(
         invert(&mut mask);
     }
     clean(&mut mask, options);
-    let view = View { name, color, mask, camera, depth: depth.map(|(_, depth)| depth) };
+    let view = View { name, color, mask, camera, depth: depth.map(|(_, depth)| depth), crop: None };
     Ok(match options.max_size {
         Some(longest) => view.at_most(longest),
         None => view,

@@ -14,8 +14,11 @@ pub(crate) fn check(
     poses: &str,
     warnings: &mut Vec<String>,
 ) -> Result<(), ReadViewsError> {
-    let shares: Vec<f64> =
-        views.iter().map(|v| v.mask_pixels() as f64 / v.mask.data.len() as f64).collect();
+    let share = |view: &View| {
+        let [height, width] = view.whole_size();
+        view.mask_pixels() as f64 / (height * width) as f64
+    };
+    let shares: Vec<f64> = views.iter().map(share).collect();
     let empty = names(views, |i| shares[i] == 0.0);
     if empty.len() == views.len() {
         let remedy = "choose another mask source, or invert the masks".to_owned();
@@ -75,7 +78,7 @@ fn strays(views: &[View]) -> Vec<usize> {
     rays.iter()
         .filter(|&&(i, ..)| {
             let p = views[i].camera.project(point);
-            let (w, h) = (views[i].camera.width as f64, views[i].camera.height as f64);
+            let [h, w] = views[i].whole_size().map(|n| n as f64);
             let near = |x: f64, size: f64| (-size..=2.0 * size).contains(&x);
             let behind = views[i].camera.is_perspective() && p.depth <= 0.0;
             behind || !(near(p.column, w) && near(p.row, h))

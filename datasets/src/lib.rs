@@ -18,7 +18,7 @@
 //!         let color = mask.iter().flat_map(|&m| [m / 2; 3]).collect();
 //!         let image = |channels, data| ByteImage { height: 32, width: 32, channels, data };
 //!         let (color, mask) = (image(3, color), image(1, mask));
-//!         View { name: i.to_string(), color, mask, camera, depth: None }
+//!         View { name: i.to_string(), color, mask, camera, depth: None, crop: None }
 //!     })
 //!     .collect();
 //!
@@ -79,6 +79,7 @@ mod consistency;
 mod content;
 mod convention;
 mod counted;
+mod crop;
 mod dataset;
 mod depth;
 #[cfg(feature = "onnx")]
@@ -114,6 +115,7 @@ mod view_error;
 
 pub use backdrop::mask_from_backdrop;
 pub use convention::{CameraAxes, Convention, PoseDirection};
+pub use crop::Crop;
 pub use dataset::{Catalog, Dataset, Entry, Subset, SurfacePoints, Truth};
 #[cfg(feature = "onnx")]
 pub use depth_estimator::DepthEstimator;

@@ -61,6 +61,10 @@ pub struct ReadOptions {
     pub poses: Option<PoseDirection>,
     /// What focal lengths are multiplied by, above 0.
     pub focal_scale: Option<f64>,
+    /// What is kept of a view around its object, as a share of the longer side of the object's box
+    /// ([`View::cropped_to_object`](crate::View::cropped_to_object)); `None` keeps all.
+    #[serde(skip)]
+    pub margin: Option<f64>,
     /// What becomes of views whose masks are all empty, or whose cameras look elsewhere.
     pub on_inconsistent: OnInconsistent,
 }
@@ -167,6 +171,7 @@ impl Default for ReadOptions {
             axes: None,
             poses: None,
             focal_scale: None,
+            margin: None,
             on_inconsistent: OnInconsistent::Refuse,
         }
     }

@@ -84,8 +84,12 @@ impl Reader<'_, '_> {
     fn view(&self, read: &Pending<'_>, opened: &mut Opened<'_>) -> Result<View, ReadViewsError> {
         let view = read(opened)?;
         let view = View { camera: meant(view.camera, self.layout, self.options), ..view };
-        Ok(match self.longest {
+        let view = match self.longest {
             Some(longest) => view.at_most(longest),
+            None => view,
+        };
+        Ok(match self.options.margin.filter(|_| !is_segmented(self.options)) {
+            Some(margin) => view.cropped_to_object(margin),
             None => view,
         })
     }
@@ -224,7 +228,7 @@ pub(crate) fn read_chosen(
     let reader = Reader { path, source, layout, options, chosen, which, longest };
     let decoded = reader.decode(progress);
     let Kept { mut views, test } = reader.keep(decoded, &kept_for_test, &mut warnings)?;
-    if options.mask == MaskSource::ColorModel && options.masks.is_none() {
+    if is_segmented(options) {
         segment(path, &mut views, options)?;
     }
     if options.on_inconsistent == OnInconsistent::Refuse
@@ -247,6 +251,11 @@ fn chosen<'r, 'a>(
     which.iter().map(listed).collect()
 }
 
+/// Whether masks are made of all views together.
+fn is_segmented(options: &ReadOptions) -> bool {
+    options.mask == MaskSource::ColorModel && options.masks.is_none()
+}
+
 /// Fills the masks by a model of colours over all views.
 fn segment(path: &Path, views: &mut [View], options: &ReadOptions) -> Result<(), ReadViewsError> {
     let masks = segment_by_color(views, None, &|_, _| ())
@@ -254,6 +263,11 @@ fn segment(path: &Path, views: &mut [View], options: &ReadOptions) -> Result<(),
     for (view, mask) in views.iter_mut().zip(masks) {
         view.mask = mask;
         clean(&mut view.mask, options);
+    }
+    if let Some(margin) = options.margin {
+        for view in views {
+            *view = view.clone().cropped_to_object(margin);
+        }
     }
     Ok(())
 }
@@ -381,7 +395,7 @@ mod tests {
     fn high(rows: usize) -> View {
         let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0; 3], [0.0, 1.0, 0.0], 0.6, 16, rows);
         let (color, mask) = (ByteImage::new(rows, 16, 3), ByteImage::new(rows, 16, 1));
-        View { name: rows.to_string(), color, mask, camera, depth: None }
+        View { name: rows.to_string(), color, mask, camera, depth: None, crop: None }
     }
 
     /// Whoever is slow, what is too much is said of the same view.

@@ -61,6 +61,7 @@ impl View {
             cy: (cy - top) * scale,
         };
         let mut straight = Self {
+            crop: None,
             color: ByteImage::new(height, width, self.color.channels),
             mask: ByteImage::new(height, width, 1),
             depth: self.depth.as_ref().map(|_| DepthMap {

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use mesh_core::{ByteImage, Camera, DepthMap, Mask};
 
 use crate::convention::{CameraAxes, Convention, PoseDirection};
+use crate::crop::Crop;
 
 /// One image of the object, where it was taken from, and which pixels are the object.
 ///
@@ -21,6 +22,8 @@ pub struct View {
     pub camera: Camera,
     /// Planar depth, where the source has it and was asked for it.
     pub depth: Option<DepthMap>,
+    /// Which part of its image this is, where it is not all of it ([`View::cropped_to_object`]).
+    pub crop: Option<Crop>,
 }
 
 /// The views of one object, in the order of their source.
@@ -159,7 +162,7 @@ impl View {
         Some([top, left, bottom + 1 - top, right + 1 - left])
     }
 
-    /// The view averaged down so that its longer side has at most this many pixels.
+    /// The view averaged down so that its longer side has at most this many pixels; a part of an image is one by itself then.
     ///
     /// A pixel of the smaller mask is object where at least half of it was; depth is taken from
     /// the nearest pixel, because averages across an edge lie in the air.
@@ -174,18 +177,18 @@ impl View {
         mask.data.iter_mut().for_each(|m| *m = if *m >= 128 { 255 } else { 0 });
         let depth = self.depth.map(|depth| depth.resized(h, w));
         let (color, camera) = (self.color.resized(h, w), self.camera.resized(w, h));
-        Self { name: self.name, color, mask, camera, depth }
+        Self { name: self.name, color, mask, camera, depth, crop: None }
     }
 
-    /// The mask averaged down so that its longer side has at most this many pixels, object where at least half of it was, and the
-    /// camera of it: `camera`, which is of the view's size, brought to that of the mask.
+    /// The mask of the whole image, averaged down so that its longer side has at most this many pixels, object where at least half of it was,
+    /// and the camera of it: `camera`, which is of the view's size, brought to that of the mask.
     pub fn mask_within(&self, longest: usize, camera: &Camera) -> (Mask, Camera) {
-        let [height, width] = self.mask.size_within(longest);
-        if [height, width] == [self.mask.height, self.mask.width] {
-            return (Mask::at_least(&self.mask, 128), camera.clone());
+        let (mask, camera) = (self.whole_mask(), self.whole_camera(camera));
+        let [height, width] = mask.size_within(longest);
+        if [height, width] == [mask.height, mask.width] {
+            return (Mask::at_least(&mask, 128), camera.into_owned());
         }
-        let small = self.mask.resized(height, width);
-        (Mask::at_least(&small, 128), camera.resized(width, height))
+        (Mask::at_least(&mask.resized(height, width), 128), camera.resized(width, height))
     }
 
     /// The object's colours, `[H, W, 3]`, with one colour where the mask has none.

@@ -67,7 +67,7 @@ impl View {
     ///
     /// let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0; 3], [0.0, 1.0, 0.0], 0.6, 8, 6);
     /// let (color, mask) = (ByteImage::new(6, 8, 3), ByteImage::new(6, 8, 1));
-    /// let mut view = View { name: "left".into(), color, mask, camera, depth: None };
+    /// let mut view = View { name: "left".into(), color, mask, camera, depth: None, crop: None };
     /// assert_eq!(view.validate(), Ok(()));
     /// view.mask.data[9] = 77;
     /// assert!(matches!(view.validate(), Err(ViewError::Undecided { row: 1, column: 1, .. })));

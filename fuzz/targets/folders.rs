@@ -36,6 +36,7 @@ fn views() -> Vec<View> {
             mask.data[20..28].fill(255);
             let eye = [f64::from(k), 0.5, 3.0];
             View {
+                crop: None,
                 name: k.to_string(),
                 color: ByteImage::new(6, 8, 3),
                 mask,

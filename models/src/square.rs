@@ -32,6 +32,7 @@ pub(crate) fn square(view: View, [left, top, right, bottom]: [f64; 4], margin: f
         ),
     };
     View {
+        crop: None,
         color: squared(&view.color, 255),
         mask: squared(&view.mask, 0),
         camera: moved(&view.camera, [x, y], side),
@@ -92,6 +93,7 @@ mod tests {
             height,
         };
         let view = View {
+            crop: None,
             name: "a".into(),
             color: ByteImage { height, width, channels: 3, data: color },
             mask: ByteImage { height, width, channels: 1, data: vec![255; data.len()] },

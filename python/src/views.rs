@@ -81,7 +81,7 @@ impl Views {
                 );
                 return Err(error::value(text));
             }
-            Ok(View { name: i.to_string(), color, mask, camera, depth: None })
+            Ok(View { name: i.to_string(), color, mask, camera, depth: None, crop: None })
         });
         let views = views.collect::<PyResult<Vec<_>>>()?;
         Ok(Self(datasets::Views::in_memory(views)))

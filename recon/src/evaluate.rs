@@ -42,7 +42,7 @@ pub struct ViewScores {
     pub views: Vec<ViewScore>,
 }
 
-/// Scores the mesh on the views; each render is handed to `keep` with its view's index.
+/// Scores the mesh on the views, on all of their images; each render is handed to `keep` with its view's index.
 ///
 /// `keep` is called from any thread, in any order.
 ///
@@ -80,8 +80,8 @@ pub fn score_views_by(
         .par_iter()
         .enumerate()
         .map(|(index, (view, camera))| {
-            let render = seen_from(mesh, camera, &options)?;
-            let mut score = score(&render, view);
+            let render = seen_from(mesh, &view.whole_camera(camera), &options)?;
+            let mut score = score(&render, &view.whole());
             // Grey stands for a colour that nobody gave.
             score.psnr = score.psnr.filter(|_| is_colored);
             keep(index, render.color);

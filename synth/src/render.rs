@@ -155,6 +155,7 @@ impl Scene<'_> {
             data: pixel.repeat(height * width),
         };
         let view = View {
+            crop: None,
             name,
             color: picture(&[r, g, b]),
             mask: ByteImage::new(height, width, 1),

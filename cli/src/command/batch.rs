@@ -12,7 +12,7 @@ use train::report::counted;
 use train::{Shard, settings};
 
 use crate::args::{Fit, Global};
-use crate::command::fit::{FOLDER, Job, configuration, refused, up_axis};
+use crate::command::fit::{FOLDER, Job, around_the_object, configuration, refused, up_axis};
 use crate::console::{Console, table};
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
@@ -183,7 +183,7 @@ impl Batch<'_> {
         })?;
         // Each line of an object would drown those of the others.
         let silent = Console { quiet: true, ..console };
-        let reading = self.arguments.reading.options();
+        let reading = around_the_object(self.arguments);
         let read = || -> Result<_, Failure> {
             let truth = object.truth.as_ref().map(|path| Truth::read(silent, path)).transpose()?;
             let views = read_views(silent, &object.views, &reading)?;

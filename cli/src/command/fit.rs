@@ -8,7 +8,7 @@ use mesh_core::{ByteImage, UpAxis};
 use recon::delivery::{DeliverError, Delivery, Metrics, deliver, holes};
 use recon::evaluate::ViewScores;
 use recon::fit::{
-    ColorKind, FitConfig, FitError, Fitted, PhotoConsistency, Quality, RefinedCameras, fit,
+    ColorKind, FitConfig, FitError, Fitted, MARGIN, PhotoConsistency, Quality, RefinedCameras, fit,
     unused_detail,
 };
 use recon::progress::Event;
@@ -85,7 +85,7 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Fit) -> Result<(
     let folder = arguments.output.create(FOLDER)?;
     let interrupt = Interrupt::listen(Some(folder.unfinished()))?;
     let truth = arguments.truth.as_ref().map(|path| Truth::read(console, path)).transpose()?;
-    let reading = arguments.reading.options();
+    let reading = around_the_object(arguments);
     let mut views = read_views(console, path, &reading)?;
     if let Some(others) = &arguments.score {
         if config.hold_out.is_none() {
@@ -108,6 +108,11 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Fit) -> Result<(
     let (config, title, listed, reading) = (&config, &*title, None, &reading);
     Job { title, views, reading, config, truth, up, folder, interrupt, listed, strict, start }
         .run(console)
+}
+
+/// How views are read: what is far from the object is not kept.
+pub(crate) fn around_the_object(arguments: &Fit) -> ReadOptions {
+    ReadOptions { margin: Some(1.2 * f64::from(MARGIN)), ..arguments.reading.options() }
 }
 
 /// The axis that is asked for, or what the cameras say.

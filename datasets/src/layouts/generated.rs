@@ -151,6 +151,7 @@ mod tests {
                 let mut mask = ByteImage::new(16, 20, 1);
                 mask.data[8 * 20 + 7..8 * 20 + 13].fill(255);
                 View {
+                    crop: None,
                     name: i.to_string(),
                     color: ByteImage::new(16, 20, 3),
                     mask,
@@ -198,7 +199,7 @@ mod tests {
         let root = place.path();
         let camera = Camera::look_at([0.0, 1.0, 4.0], [0.0; 3], [0.0, 1.0, 0.0], 0.6, 20, 16);
         let (color, mask) = (ByteImage::new(16, 20, 3), ByteImage::new(16, 20, 1));
-        let view = View { name: String::new(), color, mask, camera, depth: None };
+        let view = View { name: String::new(), color, mask, camera, depth: None, crop: None };
         crate::write_kaolin(&[view.clone(), view], &root.join("lamp/0000")).unwrap();
         std::fs::write(root.join("dataset.toml"), "").unwrap();
         let list = r#"[{"category": "lamp", "name": "0000", "views": 3}]"#;

@@ -227,7 +227,7 @@ mod tests {
                 let data = (0..70 * 80).map(|k| if inside(k) { 255 } else { 0 }).collect();
                 let mask = ByteImage { height: 70, width: 80, channels: 1, data };
                 let color = ByteImage::new(70, 80, 3);
-                View { name: i.to_string(), color, mask, camera, depth: None }
+                View { name: i.to_string(), color, mask, camera, depth: None, crop: None }
             })
             .collect()
     }

@@ -30,7 +30,7 @@ pub(crate) fn ball(count: usize) -> Vec<View> {
                 }
             }
             let depth = Some(DepthMap { height, width, data: depth });
-            View { name: i.to_string(), color, mask, camera, depth }
+            View { name: i.to_string(), color, mask, camera, depth, crop: None }
         })
         .collect()
 }

@@ -180,6 +180,7 @@ fn what_the_old_frame_cut_off_of_a_pinhole_is_kept() {
     let lens = Distortion::KannalaBrandt { k: [0.0; 4] };
     let scene = |x: f64, y: f64| [(x - 80.0) / 60.0, (y - 60.0) / 60.0];
     let mut view = View {
+        crop: None,
         name: "wide".into(),
         color: ByteImage::new(120, 160, 3),
         mask: ByteImage::new(120, 160, 1),

@@ -236,6 +236,7 @@ fn estimated(
     let data = depth.iter().map(|z| z * unit).collect();
     let blank = |channels| ByteImage::new(side, side, channels);
     let view = View {
+        crop: None,
         name: String::new(),
         color: blank(3),
         mask: blank(1),

@@ -105,7 +105,14 @@ mod tests {
     fn view() -> View {
         let camera = Camera::from_r2n2(0.0, 27.5, 0.8, 8, 8);
         let mask = ByteImage { data: vec![255; 64], ..ByteImage::new(8, 8, 1) };
-        View { name: "a".into(), color: ByteImage::new(8, 8, 3), mask, camera, depth: None }
+        View {
+            name: "a".into(),
+            color: ByteImage::new(8, 8, 3),
+            mask,
+            camera,
+            depth: None,
+            crop: None,
+        }
     }
 
     /// What a file of so many numbers gives.

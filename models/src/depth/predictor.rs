@@ -190,7 +190,7 @@ mod tests {
         let at = |z: f32| {
             let depth = Some(DepthMap { height: 4, width: 4, data: vec![z; 16] });
             let (color, mask, camera) = (color.clone(), mask.clone(), camera.clone());
-            let view = View { name: "a".into(), color, mask, camera, depth };
+            let view = View { name: "a".into(), color, mask, camera, depth, crop: None };
             system.check_scale(&folder.path().join("depth.exr"), &view)
         };
         for z in [1e-3, 1.4, 1400.0] {

@@ -299,6 +299,7 @@ mod tests {
     fn noise_is_of_the_object_and_not_of_the_crop() {
         let photo = photo();
         let view = View {
+            crop: None,
             name: "a".into(),
             color: photo.color.clone(),
             mask: photo.mask.clone(),

@@ -59,7 +59,14 @@ impl InputImage {
             data: data.to_vec(),
         };
         let (color, mask) = (bytes(3, &self.pixels), bytes(1, &self.mask));
-        View { name: self.name.clone(), color, mask, camera: self.camera.clone(), depth: None }
+        View {
+            name: self.name.clone(),
+            color,
+            mask,
+            camera: self.camera.clone(),
+            depth: None,
+            crop: None,
+        }
     }
 
     /// The same in the object's frame, seen by another camera of the same size.
@@ -95,7 +102,7 @@ mod tests {
         let mut mask = ByteImage { height: 30, width: 40, channels: 1, data: vec![0; 1200] };
         mask.data[15 * 40 + 20] = 255;
         let color = ByteImage { height: 30, width: 40, channels: 3, data: vec![9; 3600] };
-        View { name: "7".into(), color, mask, camera, depth: None }
+        View { name: "7".into(), color, mask, camera, depth: None, crop: None }
     }
 
     #[test]

@@ -39,7 +39,8 @@ pub(super) fn compare_by(
     let scores = score_views_by(mesh, views, &|index, render| {
         if index % stride == 0 {
             let (view, camera) = views[index];
-            let picture = close_up(view, &shown_from(mesh, camera, render), side);
+            let shown = shown_from(mesh, &view.whole_camera(camera), render);
+            let picture = close_up(&view.whole(), &shown, side);
             renders.lock().expect("no thread panicked").insert(index, picture);
         }
     })?;

@@ -218,7 +218,7 @@ mod tests {
             let color = ByteImage { height, width, channels: 3, data };
             let mut mask = ByteImage::new(height, width, 1);
             mask.data.fill(255);
-            let view = View { name: String::new(), color, mask, camera, depth: None };
+            let view = View { name: String::new(), color, mask, camera, depth: None, crop: None };
             let target = Target::new(&view, Blur::plain(1.0), 0.5, 4.0).unwrap();
             let image = GrayImage::new(&target, &view, 64);
             let at = |k: f32| if width > 1 { image.at(k, 0.5) } else { image.at(0.5, k) };

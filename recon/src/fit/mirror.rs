@@ -24,6 +24,7 @@ impl Mirror {
             ..*image
         };
         View {
+            crop: None,
             name: view.name.clone(),
             color: flipped(&view.color),
             mask: flipped(&view.mask),

@@ -110,8 +110,9 @@ use sight::Photographed;
 use start::Start;
 use target::Target;
 
-/// Share of the object's size that is kept around it in each view.
-const MARGIN: f32 = 0.3;
+/// What a fit looks at around the object in each view, as a share of the longer side of its box: of views that are
+/// [cropped](View::cropped_to_object) to more nothing is missed.
+pub const MARGIN: f32 = 0.3;
 /// Steps between two scores of the held-out views.
 const EVALUATE_EVERY: usize = 50;
 /// Steps over which a level's progress is judged.

@@ -256,6 +256,7 @@ mod tests {
         let pixels = mask.data.len();
         mask.data[pixels / 3..pixels.div_ceil(2)].fill(255);
         View {
+            crop: None,
             name: String::new(),
             color: ByteImage::new(height, width, 3),
             mask,

@@ -39,7 +39,8 @@ impl Consistency {
     pub(crate) fn gap(&self, cameras: &[Camera]) -> f64 {
         let with = |(silhouette, &i): (&Silhouette, &usize)| {
             let Camera { width, height, .. } = silhouette.camera;
-            silhouette.with(cameras[i].resized(width, height))
+            let whole = silhouette.crop.map(|crop| crop.whole_camera(&cameras[i]));
+            silhouette.with(whole.as_ref().unwrap_or(&cameras[i]).resized(width, height))
         };
         let views: Vec<Silhouette> = self.silhouettes.iter().zip(&self.chosen).map(with).collect();
         Outlines { views: &views, sphere: self.sphere }.mean_gap(PLACES, f64::INFINITY)

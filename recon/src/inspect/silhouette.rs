@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use datasets::View;
+use datasets::{Crop, View};
 use mesh_core::vector::affine;
 use mesh_core::{Camera, bilinear};
 use rayon::prelude::*;
@@ -28,8 +28,10 @@ pub(super) struct Silhouette {
     open: bool,
     /// Pixels of the mask.
     pub(super) area: usize,
-    /// Pixels of the view to one of these.
+    /// Pixels of the view's image to one of these.
     pub(super) scale: f64,
+    /// Which part of that image the view is.
+    pub(super) crop: Option<Crop>,
 }
 
 impl Silhouette {
@@ -44,7 +46,8 @@ impl Silhouette {
 
     /// The same where the view's camera is another.
     pub(super) fn seen_by(view: &View, camera: &Camera) -> Self {
-        let side = view.mask.height.max(view.mask.width);
+        let [height, width] = view.whole_size();
+        let side = height.max(width);
         let (mask, camera) = view.mask_within(LONGEST, camera);
         let distance: Arc<[i8]> = mask
             .signed_distance(BLUR)
@@ -59,6 +62,7 @@ impl Silhouette {
             open: mask.touches_border(),
             area: mask.count(),
             scale: side as f64 / side.min(LONGEST) as f64,
+            crop: view.crop,
             camera,
         }
     }

@@ -65,7 +65,7 @@ impl Evidence {
             fitted.train_views.iter().map(|&i| (&views.views[i], camera(i))).collect();
         let fitness = fitness_of(&train);
         let seen = fitted.train_views.iter().map(|&i| camera(i));
-        let longest = shown.iter().map(|&i| camera(i).width.max(camera(i).height)).max();
+        let longest = shown.iter().flat_map(|&i| views.views[i].whole_size()).max();
         let brought = (LONGEST as f64 / longest.unwrap_or(0) as f64).min(1.0);
         Ok(Self {
             mask_iou,

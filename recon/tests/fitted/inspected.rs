@@ -183,6 +183,7 @@ fn car() -> (Vec<View>, Truth) {
         let n: Vec<f64> = line.split_whitespace().map(|word| word.parse().unwrap()).collect();
         let picture = mesh_core::read_image(folder.join(format!("rendering/{i:02}.png"))).unwrap();
         View {
+            crop: None,
             name: format!("{i:02}"),
             color: picture.over([255; 3]),
             mask: datasets::mask_from_alpha(&picture).unwrap(),

@@ -127,7 +127,7 @@ fn images(folder: &Path) -> Result<Vec<View>, Failure> {
         let camera =
             Camera::look_at([0.0, 0.0, 1.0], [0.0; 3], [0.0, 1.0, 0.0], 1.0, width, height);
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        views.push(View { name, color, mask, camera, depth: None });
+        views.push(View { name, color, mask, camera, depth: None, crop: None });
     }
     Ok(views)
 }
