@@ -105,10 +105,10 @@ MISTAKES = {
     "knn nan": lambda: us.knn_points(NANS, ONES, 1),
     "knn among nan": lambda: us.knn_points(ONES, NANS, 1),
     "knn huge": lambda: us.knn_points(np.broadcast_to(np.float64(1), (2**30, 3)), ONES, 3),
-    "neighbours none": lambda: us.neighbours(ONES, ONES, 0),
-    "neighbours too many": lambda: us.neighbours(ONES, ONES, 2**40),
-    "neighbours nan": lambda: us.neighbours(ONES, NANS, 1),
-    "neighbours norm": lambda: us.neighbours(ONES, ONES, 1, norm=0),
+    "neighbors none": lambda: us.neighbors(ONES, ONES, 0),
+    "neighbors too many": lambda: us.neighbors(ONES, ONES, 2**40),
+    "neighbors nan": lambda: us.neighbors(ONES, NANS, 1),
+    "neighbors norm": lambda: us.neighbors(ONES, ONES, 1, norm=0),
     "normals missing": lambda: us.chamfer_normals(ONES, ONES, ONES[:3], ONES),
     "normals flat": lambda: us.chamfer_normals(ONES, ONES, ONES, ONES[:, :2]),
     "normals empty": lambda: us.chamfer_normals(EMPTY, ONES, EMPTY, ONES),
@@ -200,8 +200,8 @@ def test_types_are_told():
             us.knn_points(ONES, ONES, k)
     with pytest.raises(TypeError, match="knn_points: y: an array of float64 expected as the others are, found float32"):
         us.knn_points(ONES, ONES.astype(np.float32), 1)
-    with pytest.raises(TypeError, match="neighbours: y: an array of float64 expected as the others are, found float32"):
-        us.neighbours(ONES, ONES.astype(np.float32), 1)
+    with pytest.raises(TypeError, match="neighbors: y: an array of float64 expected as the others are, found float32"):
+        us.neighbors(ONES, ONES.astype(np.float32), 1)
     with pytest.raises(TypeError, match="chamfer_normals: x: an array of float32 expected as the others are, found float64"):
         us.chamfer_normals(ONES, ONES, *np.ones((2, 4, 3), np.float32))
     with pytest.raises(TypeError, match="topology: mesh.topology"):

@@ -57,11 +57,11 @@ def test_losses():
     close(us.surface_points(y, scene.topology, scene.samples).value, plain.surface_points(np, y, corner, share))
 
 
-def test_neighbours():
+def test_neighbors():
     x, y = scene.points, scene.vertices
     for norm in [1, 2]:
         distances = (abs(x[:, None] - y[None]) ** norm).sum(-1)
-        near = us.neighbours(x, y, 5, norm=norm)
+        near = us.neighbors(x, y, 5, norm=norm)
         assert near.dtype == np.int64 and np.array_equal(near, distances.argsort(1)[:, :5])
         close(us.knn_points(x, y, 5, norm=norm).value, np.sort(distances, 1)[:, :5])
         close(us.knn_points(x, y, 5, norm=norm).value, plain.knn_points(np, x, y, near, norm))
@@ -69,20 +69,20 @@ def test_neighbours():
     # A batch is its sets, one by one, and points may have any number of coordinates.
     random = np.random.default_rng(3)
     x, y = random.standard_normal((3, 8, 5)), random.standard_normal((3, 6, 5))
-    near, found = us.neighbours(x, y, 6), us.knn_points(x, y, 6).value
+    near, found = us.neighbors(x, y, 6), us.knn_points(x, y, 6).value
     assert near.shape == found.shape == (3, 8, 6)
     for k in range(3):
-        assert np.array_equal(near[k], us.neighbours(x[k], y[k], 6))
+        assert np.array_equal(near[k], us.neighbors(x[k], y[k], 6))
         close(found[k], us.knn_points(x[k], y[k], 6).value)
     # Of equally near ones the lowest come first.
-    assert us.neighbours(np.zeros((1, 2)), np.array([[0, 1], [1, 0], [0, 0], [-1.0, 0]]), 4).tolist() == [[2, 0, 1, 3]]
+    assert us.neighbors(np.zeros((1, 2)), np.array([[0, 1], [1, 0], [0, 0], [-1.0, 0]]), 4).tolist() == [[2, 0, 1, 3]]
 
 
 def test_normals_at_nearest_points():
     x, y = scene.points, scene.vertices
     normals = np.random.default_rng(4).standard_normal((len(x) + len(y), 3))
     m, n = normals[: len(x)], normals[len(x) :]
-    there, back = us.neighbours(x, y, 1)[:, 0], us.neighbours(y, x, 1)[:, 0]
+    there, back = us.neighbors(x, y, 1)[:, 0], us.neighbors(y, x, 1)[:, 0]
     for signed in [False, True]:
         expected = plain.chamfer_normals(np, m, n, there, back, signed)
         close(us.chamfer_normals(x, y, m, n, signed=signed).value, expected)

@@ -120,10 +120,10 @@ def test_losses(scene):
 def test_nearest_points(scene):
     x, y = scene.points, scene.vertices
     for norm in (1, 2):
-        near = ut.neighbours(torch.tensor(x), torch.tensor(y), 4, norm=norm)
-        assert near.dtype == torch.int64 and np.array_equal(near.numpy(), us.neighbours(x, y, 4, norm=norm))
+        near = ut.neighbors(torch.tensor(x), torch.tensor(y), 4, norm=norm)
+        assert near.dtype == torch.int64 and np.array_equal(near.numpy(), us.neighbors(x, y, 4, norm=norm))
         compare(scene, lambda x, y: ut.knn_points(x, y, 4, norm=norm), lambda x, y: plain.knn_points(torch, x, y, near, norm), x, y)
-    there, back = (ut.neighbours(torch.tensor(a), torch.tensor(b), 1)[:, 0] for a, b in [(x, y), (y, x)])
+    there, back = (ut.neighbors(torch.tensor(a), torch.tensor(b), 1)[:, 0] for a, b in [(x, y), (y, x)])
     points = torch.tensor(x), torch.tensor(y)
     for signed in (False, True):
         compare(
