@@ -36,7 +36,7 @@ while [ "$round" -le "$rounds" ]; do
     echo "round $round of $rounds" >&2
     ${PRIORITY:-} "$PYTHON" benches/peers/peers.py >"$out/round-$round.jsonl"
     RAYON_NUM_THREADS=1 ${PRIORITY:-} "$crates" products >>"$out/round-$round.jsonl"
-    RAYON_NUM_THREADS=2 ${PRIORITY:-} "$crates" convolutions encoder neighbours rasteriser >>"$out/round-$round.jsonl"
+    RAYON_NUM_THREADS=2 ${PRIORITY:-} "$crates" convolutions encoder neighbors rasterizer >>"$out/round-$round.jsonl"
     for bench in "$@"; do
         ${PRIORITY:-} cargo bench --quiet -p unsphere-benches --bench "$bench" -- --quiet
     done

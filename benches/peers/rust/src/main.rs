@@ -17,7 +17,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         ("convolutions", convolutions::time),
         ("encoder", encoder::time),
         ("neighbors", neighbors::time),
-        ("rasteriser", rasterizer::time),
+        ("rasterizer", rasterizer::time),
     ];
     let wanted: Vec<String> = std::env::args().skip(1).collect();
     if let Some(name) = wanted.iter().find(|name| families.iter().all(|family| family.0 != **name))
