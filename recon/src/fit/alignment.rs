@@ -53,7 +53,7 @@ impl Given {
 /// What became of the cameras of a fit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RefinedCameras {
-    /// The cameras of all views, in their order. Views that are held out keep their pose, since it must not be taken from the masks
+    /// The cameras of all views, in their order, of what these hold of their images. Views that are held out keep their pose, since it must not be taken from the masks
     /// that score; the focal length, which all views share, is refined in them too.
     pub cameras: Vec<Camera>,
     /// Those of the held-out views, in their order, found from their own masks by the finished mesh: poses that are as far off as

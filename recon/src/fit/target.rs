@@ -1,6 +1,7 @@
 //! What the outline of the mesh is pulled towards in one view.
 
 use datasets::View;
+use mesh_core::vector::affine;
 use mesh_core::{Camera, Mask, bilinear, iou};
 
 use super::contour::Surface;
@@ -134,9 +135,7 @@ impl Target {
     /// Column and row in pixels of the box, and depth (in world units, positive in front).
     #[inline]
     pub(super) fn project(&self, p: [f32; 3]) -> [f32; 3] {
-        let [x, y, depth] = &self.rows;
-        let along = |r: &[f32; 4]| r[0] * p[0] + r[1] * p[1] + r[2] * p[2] + r[3];
-        let (x, y, depth) = (along(x), along(y), along(depth));
+        let [x, y, depth] = affine(&self.rows, p);
         if self.perspective { [x / depth, y / depth, depth] } else { [x, y, depth] }
     }
 

@@ -20,7 +20,8 @@ pub struct Evidence {
     pub fitted_views: usize,
     /// How the masks fit together, under the cameras that the mesh agrees with; none where they fix no body.
     pub coherence: Option<Coherence>,
-    /// A lens that explains the masks better than the one of these cameras; none where that one does.
+    /// A lens that explains the masks better than the one of the cameras that the mesh agrees with, which may be refined, beside the one that
+    /// was given; none where no other does.
     pub lens: Option<LensFit>,
     /// How far outside of the masks' edges the colours change most, pixels of an image of at most 320; negative where masks are too
     /// large, none where images do not tell.
@@ -64,6 +65,9 @@ impl Evidence {
         let train: Vec<(&View, &Camera)> =
             fitted.train_views.iter().map(|&i| (&views.views[i], camera(i))).collect();
         let fitness = fitness_of(&train);
+        // What was found is beside the lens of these cameras, which may be refined.
+        let refined = fitted.cameras.as_ref().map_or(1.0, |refined| refined.focal);
+        let given = |lens: LensFit| LensFit { focal: refined * lens.focal, ..lens };
         let seen = fitted.train_views.iter().map(|&i| camera(i));
         let longest = shown.iter().flat_map(|&i| views.views[i].whole_size()).max();
         let brought = (LONGEST as f64 / longest.unwrap_or(0) as f64).min(1.0);
@@ -72,7 +76,7 @@ impl Evidence {
             fitted_iou,
             fitted_views: fitted.train_views.len(),
             coherence: fitness.map(|fitness| fitness.coherence),
-            lens: fitness.and_then(|fitness| fitness.lens),
+            lens: fitness.and_then(|fitness| fitness.lens).map(given),
             mask_edge: fitness.and_then(|fitness| fitness.mask_edge),
             unseen: unseen_of(seen, fitted.placement.center),
             motion: fitted.cameras.as_ref().map_or(0.0, |refined| brought * refined.motion),

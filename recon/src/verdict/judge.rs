@@ -168,7 +168,7 @@ fn masks(evidence: &Evidence, say: &mut impl FnMut(Grade, String)) {
     if let Some(lens) = evidence.lens {
         let [right, down] = lens.shift;
         let text = format!(
-            "another lens explains the masks better: {:.3} times the focal length (--focal-scale), the principal point \
+            "another lens explains the masks better: {:.3} times the focal length given (--focal-scale), the principal point \
              {right:+.1} pixels to the right and {down:+.1} down",
             lens.focal
         );
