@@ -38,7 +38,7 @@ impl Crop {
     }
 
     fn whole_depth(&self, part: &DepthMap) -> DepthMap {
-        let mut data = vec![0.0; self.height * self.width];
+        let mut data = vec![f32::INFINITY; self.height * self.width];
         for (row, line) in part.data.chunks_exact(part.width.max(1)).enumerate() {
             let from = (self.top + row) * self.width + self.left;
             data[from..from + line.len()].copy_from_slice(line);
@@ -92,7 +92,7 @@ impl View {
         }
     }
 
-    /// The view of the whole image; black, and no object, where only a part is held.
+    /// The view of the whole image; where it is not held black, no object, and infinitely deep.
     pub fn whole(&self) -> Cow<'_, Self> {
         let Some(crop) = self.crop else { return Cow::Borrowed(self) };
         Cow::Owned(Self {
@@ -180,6 +180,8 @@ mod tests {
             prop_assert_eq!(&whole.color.data[3 * pixel..3 * pixel + 3], &view.color.data[3 * pixel..3 * pixel + 3]);
             let depth = |view: &View| view.depth.as_ref().map(|depth| depth.data[pixel]);
             prop_assert_eq!(depth(&whole), depth(&view));
+            let held = whole.depth.iter().flat_map(|depth| &depth.data).filter(|z| z.is_finite());
+            prop_assert_eq!(held.count(), part.mask.data.len());
         }
     }
 }
