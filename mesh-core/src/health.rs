@@ -179,7 +179,7 @@ impl TriMesh {
             angles_below_5_fraction: shape.small_angles as f64 / shape.angles.max(1) as f64,
             largest_dihedral_degrees: shape.largest_dihedral.to_degrees(),
             folded_edges_fraction: shape.folded as f64 / shape.dihedrals.max(1) as f64,
-            components: components(&topology),
+            components: topology.component_count(),
             isolated_vertices: topology.vertex_faces.rows().filter(|r| r.is_empty()).count(),
             degenerate_faces: shape.degenerate_faces,
         }
@@ -279,28 +279,6 @@ fn oriented(faces: &[[u32; 3]], topology: &Topology) -> bool {
         };
         left == Topology::NONE || right == Topology::NONE || forward(left) != forward(right)
     })
-}
-
-/// Pieces that hang together by vertices.
-fn components(topology: &Topology) -> usize {
-    let mut seen = vec![false; topology.vertex_count()];
-    let (mut count, mut open) = (0, Vec::new());
-    for start in 0..topology.vertex_count() {
-        if seen[start] || topology.vertex_faces.row(start).is_empty() {
-            continue;
-        }
-        count += 1;
-        seen[start] = true;
-        open.push(start as u32);
-        while let Some(v) = open.pop() {
-            for &next in topology.vertex_vertices.row(v as usize) {
-                if !std::mem::replace(&mut seen[next as usize], true) {
-                    open.push(next);
-                }
-            }
-        }
-    }
-    count
 }
 
 /// Vertices whose faces are not all joined to each other through edges at that vertex.

@@ -193,6 +193,52 @@ impl Topology {
         used as i64 - self.edges.len() as i64 + self.face_count() as i64
     }
 
+    /// The connected component of each vertex, numbered from 0 by their first vertices; [`NONE`](Self::NONE) for one that no face has.
+    /// What shares a vertex hangs together.
+    ///
+    /// ```
+    /// use mesh_core::{Topology, primitives};
+    /// let mut two = primitives::icosphere(0); // 12 vertices
+    /// two.append(&primitives::icosphere(1).translated([3.0, 0.0, 0.0]))?;
+    /// let components = Topology::of(&two).components();
+    /// assert_eq!((components[11], components[12]), (0, 1));
+    /// # Ok::<(), mesh_core::MeshError>(())
+    /// ```
+    ///
+    /// # Cost
+    /// Linear in vertices and edges.
+    pub fn components(&self) -> Vec<u32> {
+        let mut components = vec![Self::NONE; self.vertex_count()];
+        let (mut count, mut open) = (0, Vec::new());
+        for start in 0..components.len() {
+            if components[start] != Self::NONE || self.vertex_faces.row(start).is_empty() {
+                continue;
+            }
+            components[start] = count;
+            open.push(start as u32);
+            while let Some(vertex) = open.pop() {
+                for &next in self.vertex_vertices.row(vertex as usize) {
+                    if components[next as usize] == Self::NONE {
+                        components[next as usize] = count;
+                        open.push(next);
+                    }
+                }
+            }
+            count += 1;
+        }
+        components
+    }
+
+    /// How many [components](Self::components) there are.
+    ///
+    /// # Cost
+    /// Linear in vertices and edges.
+    pub fn component_count(&self) -> usize {
+        let components = self.components();
+        let last = components.iter().filter(|&&component| component != Self::NONE).max();
+        last.map_or(0, |&last| last as usize + 1)
+    }
+
     /// Every pair of faces that share an edge, ordered by edge.
     ///
     /// On an edge of more than two faces these are all pairs of them, the definition of

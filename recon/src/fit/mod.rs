@@ -78,6 +78,7 @@ mod shape;
 mod sight;
 mod skin;
 mod solid;
+mod specks;
 mod start;
 mod stepper;
 mod stereo;
@@ -355,6 +356,7 @@ impl<'a, 'o> Run<'a, 'o> {
             let (cancelled, train) = (|| self.watch.is_cancelled(), &self.train);
             settle::settle(&mut shape, sound.as_deref(), train, config, step, &cancelled)?;
             self.ask_cancelled();
+            shape = specks::without_specks(shape, &self.train, config);
             self.evaluate(&shape, self.fitted.history.len());
             self.lap("settle");
         }

@@ -91,6 +91,18 @@ impl Shape {
         Self::of(positions, subdivision.faces, config)
     }
 
+    /// The components whose vertices are kept.
+    pub(super) fn part(&self, is_kept: impl Fn(usize) -> bool, config: &FitConfig) -> Self {
+        let kept: Vec<usize> = (0..self.positions.len()).filter(|&v| is_kept(v)).collect();
+        let mut number = vec![Topology::NONE; self.positions.len()];
+        for (new, &old) in kept.iter().enumerate() {
+            number[old] = new as u32;
+        }
+        let faces = self.faces.iter().map(|face| face.map(|v| number[v as usize]));
+        let faces = faces.filter(|face| !face.contains(&Topology::NONE)).collect();
+        Self::of(kept.into_iter().map(|v| self.positions[v]).collect(), faces, config)
+    }
+
     /// Where the vertices of the [subdivided](Self::subdivided) surface are for other positions of these.
     pub(super) fn divided(&self, positions: &[[f32; 3]]) -> Vec<[f32; 3]> {
         Subdivision::along(&self.topology, &self.faces).apply(positions)
