@@ -13,7 +13,7 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 
 /// Folders of the repository that have pages of their own, beside the members' READMEs.
-const FOLDERS: [&str; 3] = ["docs", "weights", "fuzz"];
+const FOLDERS: [&str; 5] = ["docs", "weights", "fuzz", "benches/results", "benches/peers"];
 
 fn main() -> Result<(), Box<dyn Error>> {
     let root = PathBuf::from(env::var("CARGO_MANIFEST_DIR")?).join("..").canonicalize()?;
@@ -88,10 +88,11 @@ fn markdown(folder: &Path) -> Result<Vec<PathBuf>, std::io::Error> {
     Ok(found)
 }
 
-/// What a file is called as a module.
+/// What a file is called as a module, whose name begins with no digit.
 fn name(path: &Path) -> String {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy().to_lowercase();
-    stem.replace(|c: char| !c.is_alphanumeric(), "_")
+    let name = stem.replace(|c: char| !c.is_alphanumeric(), "_");
+    if name.starts_with(|c: char| c.is_numeric()) { format!("_{name}") } else { name }
 }
 
 /// A module and those within it.
