@@ -66,29 +66,30 @@ impl Crossings {
         progress: &(dyn Fn(usize, usize) + Sync),
     ) -> Self {
         let scale = Scale::of(positions);
-        let mut placed = Faces::default();
-        placed.place(scale, positions, faces);
+        let mut placed = Faces::none(positions.len(), faces.len());
+        placed.place(scale, positions, faces, 0..positions.len() as u32, 0..faces.len() as u32);
         let tree = Tree::new(&placed);
         let mut crossings = Self { pairs: Vec::new(), scale, faces: placed, tree };
         crossings.compare(&vec![true; faces.len()], progress);
         crossings
     }
 
-    /// The vertices have moved.
+    /// These vertices have moved, and with them these faces of the same mesh.
     ///
     /// # Cost
-    /// `O(V + F)`, little of each, and the comparison of the faces that have moved.
-    pub(crate) fn update(&mut self, positions: &[[f32; 3]], faces: &[[u32; 3]]) {
+    /// Little for each vertex and face, and the comparison of the faces that have moved.
+    pub(crate) fn update(&mut self, positions: &[[f32; 3]], faces: &[[u32; 3]], moved: &Moved) {
         let scale = Scale::of(positions);
-        if scale != self.scale || faces.len() != self.faces.boxes.len() {
+        if scale != self.scale {
             *self = Self::of(positions, faces);
             return;
         }
-        let has_moved = self.faces.place(scale, positions, faces);
+        let (vertices, of_them) = (moved.vertices.iter().copied(), moved.faces.iter().copied());
+        let has_moved = self.faces.place(scale, positions, faces, vertices, of_them);
         if !has_moved.contains(&true) {
             return;
         }
-        self.tree.refit(&self.faces);
+        self.tree.refit(&self.faces, &has_moved);
         self.pairs.retain(|pair| !pair.iter().any(|&face| has_moved[face as usize]));
         self.compare(&has_moved, &|_, _| ());
     }
@@ -134,6 +135,14 @@ impl Crossings {
     }
 }
 
+/// What of a mesh has moved.
+#[derive(Default)]
+pub(crate) struct Moved {
+    pub(crate) vertices: Vec<u32>,
+    /// Those with such a vertex.
+    pub(crate) faces: Vec<u32>,
+}
+
 /// The power of two that brings coordinates to integers.
 #[derive(Clone, Copy, PartialEq)]
 struct Scale(i32);
@@ -155,27 +164,38 @@ impl Scale {
 }
 
 /// The faces of a mesh in integers; those that are not valid have [`NOWHERE`] for a box.
-#[derive(Default)]
 struct Faces {
+    /// Where the vertices are.
+    places: Vec<Option<Point>>,
     corners: Vec<[Point; 3]>,
     boxes: Vec<Bounds>,
 }
 
 impl Faces {
-    /// Takes the vertices from these positions, and tells of each face whether that changes it.
+    /// So many vertices and faces that are nowhere.
+    fn none(vertices: usize, faces: usize) -> Self {
+        Self {
+            places: vec![None; vertices],
+            corners: vec![[[0; 3]; 3]; faces],
+            boxes: vec![NOWHERE; faces],
+        }
+    }
+
+    /// Takes vertices that moved from these positions, and tells of each face whether that changes it, of those that are `looked` at.
     fn place(
         &mut self,
         scale: Option<Scale>,
         positions: &[[f32; 3]],
         faces: &[[u32; 3]],
+        moved: impl Iterator<Item = u32>,
+        looked: impl Iterator<Item = u32>,
     ) -> Vec<bool> {
-        let snapped: Vec<Option<Point>> =
-            positions.iter().map(|&p| scale.and_then(|scale| scale.snap(p))).collect();
-        self.corners.resize(faces.len(), [[0; 3]; 3]);
-        self.boxes.resize(faces.len(), NOWHERE);
-        let mut moved = vec![false; faces.len()];
-        for (f, face) in faces.iter().enumerate() {
-            let corners = face.map(|v| snapped.get(v as usize).copied().flatten());
+        for v in moved {
+            self.places[v as usize] = scale.and_then(|scale| scale.snap(positions[v as usize]));
+        }
+        let mut has_moved = vec![false; faces.len()];
+        for f in looked.map(|f| f as usize) {
+            let corners = faces[f].map(|v| self.places.get(v as usize).copied().flatten());
             let corners = match corners {
                 [Some(a), Some(b), Some(c)] => [a, b, c],
                 _ => [[0; 3]; 3],
@@ -185,9 +205,9 @@ impl Faces {
             }
             self.corners[f] = corners;
             self.boxes[f] = if normal(&corners) == [0; 3] { NOWHERE } else { bounds(&corners) };
-            moved[f] = true;
+            has_moved[f] = true;
         }
-        moved
+        has_moved
     }
 }
 
@@ -240,12 +260,12 @@ impl Tree {
             order: (0..faces.corners.len() as u32).collect(),
             nodes: Vec::new(),
             leaves: Vec::new(),
-            boxes: Vec::new(),
+            boxes: vec![NOWHERE; faces.corners.len()],
         };
         if !tree.order.is_empty() {
             tree.grow(faces, 0, faces.corners.len());
         }
-        tree.refit(faces);
+        tree.refit(faces, &vec![true; faces.corners.len()]);
         tree
     }
 
@@ -272,13 +292,21 @@ impl Tree {
         }
     }
 
-    /// Takes the boxes of the faces as they are now; which nodes they are in stays.
-    fn refit(&mut self, faces: &Faces) {
-        self.boxes.clear();
-        self.boxes.extend(self.order.iter().map(|&face| faces.boxes[face as usize]));
+    /// Takes the boxes of the faces that have moved; which nodes they are in stays.
+    fn refit(&mut self, faces: &Faces, has_moved: &[bool]) {
+        let mut changed = vec![false; self.nodes.len()];
         // Children stand behind their parents.
         for index in (0..self.nodes.len()).rev() {
             let Node { leaf, right, .. } = self.nodes[index];
+            changed[index] = match leaf {
+                Some((first, last)) => {
+                    self.refit_leaf(first as usize..last as usize, faces, has_moved)
+                }
+                None => changed[index + 1] || changed[right as usize],
+            };
+            if !changed[index] {
+                continue;
+            }
             self.nodes[index].bounds = match leaf {
                 Some((first, last)) => self.boxes[first as usize..last as usize]
                     .iter()
@@ -286,6 +314,19 @@ impl Tree {
                 None => union(self.nodes[index + 1].bounds, self.nodes[right as usize].bounds),
             };
         }
+    }
+
+    /// Takes the boxes of a leaf's faces that have moved, and says whether there are any.
+    fn refit_leaf(&mut self, leaf: Range<usize>, faces: &Faces, has_moved: &[bool]) -> bool {
+        let mut any = false;
+        for slot in leaf {
+            let face = self.order[slot] as usize;
+            if has_moved[face] {
+                self.boxes[slot] = faces.boxes[face];
+                any = true;
+            }
+        }
+        any
     }
 
     /// Calls `meet` with the place in the order of each face whose box meets this one; `open` is a buffer.
@@ -344,7 +385,11 @@ mod tests {
             (9.0, 0.9),
         ] {
             let positions = placed(at, scale);
-            moving.update(&positions, &faces);
+            let moved = Moved {
+                vertices: (0..positions.len() as u32).collect(),
+                faces: (0..faces.len() as u32).collect(),
+            };
+            moving.update(&positions, &faces, &moved);
             assert_eq!(moving.pairs, Crossings::of(&positions, &faces).pairs, "at {at}, {scale}");
             seen += moving.pairs.len();
         }

@@ -108,6 +108,7 @@ mod sample;
 mod scalar;
 mod split_nonmanifold;
 mod subdivide;
+mod tangles;
 mod texture;
 mod topology;
 mod untangle;

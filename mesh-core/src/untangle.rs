@@ -1,11 +1,9 @@
 //! Moving apart, or smoothing away, the places where a surface passes through itself or folds.
 
-use crate::crossings::Crossings;
-use crate::vector::{norm, sub};
-use crate::{Topology, TriMesh, vertex_normals};
+use crate::tangles::{Tangled, Tangles};
+use crate::vector::{add, area_vector, narrow, norm, sub, triangle, unit};
+use crate::{Topology, TriMesh};
 
-/// Folds sharper than this are smoothed, in degrees: 0 is flat, 180 folded back.
-const FOLD: f32 = 165.0;
 /// Rounds of smoothing before giving up.
 const ROUNDS: usize = 40;
 /// Rounds in which the two sides of a sheet are moved apart; what is left then is smoothed.
@@ -44,8 +42,7 @@ impl TriMesh {
     /// ```
     pub fn tangled(&self) -> Vec<bool> {
         let topology = Topology::new(self.positions.len(), &self.faces);
-        let crossings = Crossings::of(&self.positions, &self.faces);
-        tangled(&crossings, &self.positions, &self.faces, &topology).marked
+        Tangles::of(&self.positions, &self.faces, &topology).found().all
     }
 }
 
@@ -69,9 +66,9 @@ pub fn untangle(
     faces: &[[u32; 3]],
     topology: &Topology,
 ) -> Option<usize> {
-    let mut crossings = Crossings::of(positions, faces);
+    let mut tangles = Tangles::of(positions, faces, topology);
     for round in 0..ROUNDS {
-        let Tangled { mut thin, mut marked } = tangled(&crossings, positions, faces, topology);
+        let Tangled { mut thin, all: mut marked } = tangles.found();
         if !marked.contains(&true) {
             return Some(round);
         }
@@ -91,10 +88,9 @@ pub fn untangle(
         for _ in 0..3 {
             smooth(positions, &marked, topology);
         }
-        crossings.update(positions, faces);
+        tangles.update(positions);
     }
-    let clean = !tangled(&crossings, positions, faces, topology).marked.contains(&true);
-    clean.then_some(ROUNDS)
+    tangles.is_empty().then_some(ROUNDS)
 }
 
 /// Brings the neighbourhood of every self-intersection and fold back to positions in which the same faces had none, as far out as it
@@ -126,9 +122,9 @@ pub fn untangle_towards(
     let given = positions.to_vec();
     // How much of the way back each vertex goes.
     let mut back = vec![0.0_f32; given.len()];
-    let mut crossings = Crossings::of(positions, faces);
+    let mut tangles = Tangles::of(positions, faces, topology);
     for round in 0..RETURNS {
-        let mut marked = tangled(&crossings, positions, faces, topology).marked;
+        let mut marked = tangles.found().all;
         if !marked.contains(&true) {
             return true;
         }
@@ -142,9 +138,9 @@ pub fn untangle_towards(
         for (v, at) in positions.iter_mut().enumerate() {
             *at = std::array::from_fn(|k| given[v][k] + back[v] * (sound[v][k] - given[v][k]));
         }
-        crossings.update(positions, faces);
+        tangles.update(positions);
     }
-    let clean = !tangled(&crossings, positions, faces, topology).marked.contains(&true);
+    let clean = tangles.is_empty();
     if !clean {
         positions.copy_from_slice(&given);
     }
@@ -162,77 +158,10 @@ fn eased(weights: &[f32], topology: &Topology) -> Vec<f32> {
         .collect()
 }
 
-/// Vertices that something is wrong with.
-struct Tangled {
-    /// Those of sheets whose sides have met.
-    thin: Vec<bool>,
-    /// All.
-    marked: Vec<bool>,
-}
-
-/// The vertices of faces that intersect others or are folded onto a neighbour.
-fn tangled(
-    crossings: &Crossings,
-    positions: &[[f32; 3]],
-    faces: &[[u32; 3]],
-    topology: &Topology,
-) -> Tangled {
-    let mut tangled =
-        Tangled { thin: vec![false; positions.len()], marked: vec![false; positions.len()] };
-    let normals = crate::face_normals(positions, faces);
-    let along = |f: u32, g: u32| -> f32 {
-        let (a, b) = (normals[f as usize], normals[g as usize]);
-        (0..3).map(|k| a[k] * b[k]).sum()
-    };
-    for &[f, g] in &crossings.pairs {
-        tangled.mark([f, g], faces, along(f, g) < 0.0);
-    }
-    let limit = FOLD.to_radians().cos();
-    for &[f, g] in &topology.edge_faces {
-        if f == Topology::NONE || g == Topology::NONE || along(f, g) >= limit {
-            continue;
-        }
-        // A blade's edge has the rest of the other face behind each of its faces.
-        let middle = |f: u32| -> [f32; 3] {
-            let corners = faces[f as usize].map(|v| positions[v as usize]);
-            std::array::from_fn(|k| corners.iter().map(|p| p[k]).sum())
-        };
-        let (offset, normal) = (sub(middle(g), middle(f)), normals[f as usize]);
-        let behind = (0..3).map(|k| offset[k] * normal[k]).sum::<f32>() < 0.0;
-        tangled.mark([f, g], faces, behind);
-    }
-    tangled
-}
-
-impl Tangled {
-    fn mark(&mut self, pair: [u32; 2], faces: &[[u32; 3]], thin: bool) {
-        for vertex in pair.into_iter().flat_map(|face| faces[face as usize]) {
-            self.marked[vertex as usize] = true;
-            self.thin[vertex as usize] |= thin;
-        }
-    }
-}
-
 /// Moves the marked vertices outwards, and along the surface towards the centre of their ring.
 fn swell(positions: &mut [[f32; 3]], marked: &[bool], faces: &[[u32; 3]], topology: &Topology) {
     let rings = &topology.vertex_vertices;
-    // Where the surface is crumpled only the neighbourhood knows what is outwards.
-    let mut normals = vertex_normals(positions, faces);
-    for _ in 0..2 {
-        normals = (0..normals.len())
-            .map(|v| {
-                if !marked[v] {
-                    return normals[v];
-                }
-                let sum: [f32; 3] = std::array::from_fn(|k| {
-                    let ring = rings.row(v).iter().map(|&w| normals[w as usize][k]);
-                    normals[v][k] + ring.sum::<f32>()
-                });
-                let length = norm(sum);
-                if length > 0.0 { sum.map(|x| x / length) } else { normals[v] }
-            })
-            .collect();
-    }
+    let normals = outwards(positions, marked, faces, topology);
     let moved: Vec<(usize, [f32; 3])> = (0..positions.len())
         .filter(|&v| marked[v])
         .map(|v| {
@@ -254,6 +183,42 @@ fn swell(positions: &mut [[f32; 3]], marked: &[bool], faces: &[[u32; 3]], topolo
     for (v, to) in moved {
         positions[v] = to;
     }
+}
+
+/// Normals of the marked vertices and of those around them, of which those of the marked are averaged twice: where the surface is
+/// crumpled only the neighbourhood knows what is outwards.
+fn outwards(
+    positions: &[[f32; 3]],
+    marked: &[bool],
+    faces: &[[u32; 3]],
+    topology: &Topology,
+) -> Vec<[f32; 3]> {
+    let rings = &topology.vertex_vertices;
+    let mut normals = vec![[0.0; 3]; positions.len()];
+    for v in (0..normals.len()).filter(|&v| marked[v]) {
+        for &near in [v as u32].iter().chain(rings.row(v)) {
+            let around = topology.vertex_faces.row(near as usize).iter();
+            let areas = around.map(|&f| area_vector(triangle(positions, faces[f as usize])));
+            normals[near as usize] = narrow(unit(areas.fold([0.0; 3], add)));
+        }
+    }
+    for _ in 0..2 {
+        let averaged: Vec<(usize, [f32; 3])> = (0..normals.len())
+            .filter(|&v| marked[v])
+            .map(|v| {
+                let sum: [f32; 3] = std::array::from_fn(|k| {
+                    let ring = rings.row(v).iter().map(|&w| normals[w as usize][k]);
+                    normals[v][k] + ring.sum::<f32>()
+                });
+                let length = norm(sum);
+                (v, if length > 0.0 { sum.map(|x| x / length) } else { normals[v] })
+            })
+            .collect();
+        for (v, normal) in averaged {
+            normals[v] = normal;
+        }
+    }
+    normals
 }
 
 fn grown(marked: &[bool], topology: &Topology) -> Vec<bool> {
