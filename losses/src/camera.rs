@@ -33,7 +33,7 @@ pub fn rotation_loss<'t, F: Real>(rotation: Var<'t, F>, target: Var<'t, F>) -> V
 /// Near the target it grows with the angle rather than its square, so single bad targets count less.
 ///
 /// # Shapes
-/// `rotation` and `target` `[N, 4]` of the same order of components → a scalar in `[0, 1]`.
+/// `rotation` and `target` `[N, 4]` of the same order of components → a scalar from 0.001, where they are equal, to 1.
 /// # Gradient
 /// To both; smooth below a thousandth of a radian.
 /// # Panics

@@ -37,12 +37,14 @@ pub fn edge_normal<'t, F: Real>(
     let normals = points(normals);
     let per_set = normals.len().checked_div(n).unwrap_or(0);
     let inside = nearest.len() == n * v
+        && normals.len() == n * per_set
         && nearest.iter().all(|&i| (i as usize) < per_set)
         && edges.iter().flatten().all(|&i| (i as usize) < v);
     if !inside {
         let message = format!(
-            "{} indices into {per_set} normals a set, and edges among {v} vertices, do not fit",
-            nearest.len()
+            "{} indices into {} normals, as many for each set, and edges among {v} vertices, do not fit",
+            nearest.len(),
+            normals.len()
         );
         let operands = [("positions", &positions.shape()[..], "N, V, 3")];
         positions.tape().refuse("edge_normal", message, &operands);
@@ -147,7 +149,7 @@ mod tests {
 
     #[test]
     #[should_panic(
-        expected = "edge_normal: 1 indices into 1 normals a set, and edges among 2 vertices"
+        expected = "edge_normal: 1 indices into 1 normals, as many for each set, and edges among 2 vertices"
     )]
     fn indices_must_fit() {
         let tape = Tape::<f64>::eval();

@@ -23,7 +23,7 @@ use crate::scalar::{record, vertices, wanted};
 /// `positions [V, 3]` or `[N, V, 3]`, and the mesh's topology (edges without exactly two faces are skipped) →
 /// a scalar.
 /// # Gradient
-/// Exact; a face of no area has a zero normal and pulls at nothing that has a direction.
+/// Exact; a face of no area has a zero normal and pulls at nothing.
 /// # Cost
 /// `O(N (E + F))`; the gradient is made in the same pass.
 /// # Panics
@@ -154,6 +154,18 @@ mod tests {
         let mesh = TriMesh::new(positions, vec![[0, 1, 2], [1, 0, 3]]);
         let topology = Topology::new(4, &mesh.faces);
         (mesh, topology)
+    }
+
+    /// Of two faces on an edge one has two corners at one place.
+    #[test]
+    fn a_face_of_no_area_pulls_at_nothing() {
+        let (mut mesh, topology) = hinge(0.3);
+        mesh.positions[2] = mesh.positions[0];
+        let tape = autodiff_lite::Tape::<f64>::train(0);
+        let x = tape.leaf(testing::array::<f64>(&mesh.positions));
+        let gradients = face_angle(x, &topology).backward();
+        let largest = gradients.wrt(x).map(|g| g.iter().fold(0.0, |m: f64, g| m.max(g.abs())));
+        assert!(largest.is_none_or(|g| g < 1e-9), "{largest:?}");
     }
 
     fn both(mesh: &TriMesh, topology: &Topology) -> [f64; 2] {

@@ -102,6 +102,9 @@ pub fn mask_bce<'t, F: Real>(prediction: Var<'t, F>, target: Var<'t, F>) -> Var<
         let (yes, no) = (p.ln(), (F::one() - p).ln());
         let yes = if yes > floor { yes } else { floor };
         let no = if no > floor { no } else { floor };
+        if p.is_nan() {
+            return p;
+        }
         -(t * yes + (F::one() - t) * no)
     });
     let value = scalar(tape, total / p.len().max(1) as f64);
@@ -138,6 +141,13 @@ mod tests {
             let target = testing::random(&[n, h, w], 0.0, 1.0, seed ^ 7);
             testing::checked(&|x: &[Var<'_, f64>]| mask_bce(x[0], x[0].tape().constant(target.clone())), &shapes[..1], &options)?;
         }
+    }
+
+    #[test]
+    fn not_a_number_stays_visible() {
+        let tape = Tape::<f64>::eval();
+        let [p, t] = [f64::NAN, 1.0].map(|x| tape.constant(ndarray::arr1(&[x, 0.5])));
+        assert!(mask_bce(p, t).value().iter().all(|x| x.is_nan()));
     }
 
     #[test]

@@ -14,7 +14,7 @@ use crate::scalar::vertices;
 /// # Shapes
 /// `positions [V, 3]` or `[N, V, 3]`, `faces` F of them or a `mesh_core::Topology` → `[F, 3]` or `[N, F, 3]`.
 /// # Gradient
-/// A face of (nearly) no area has a normal shorter than one, and a finite derivative.
+/// A face of (nearly) no area has a normal shorter than one, and no gradient.
 /// # Cost
 /// `O(N F)`; backward computes the normals again.
 /// # Panics

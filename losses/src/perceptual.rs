@@ -130,8 +130,8 @@ fn pull<F: Real>(x: &[F], y: &[F], weights: &[F], scale: F, out: &mut [F]) {
 /// be compared with those of LPIPS.
 ///
 /// # Shapes
-/// `image` and `target` `[N, H, W, C]`, `mask [N, H, W, 1]`; K is `levels`, or less where a side would
-/// fall below 4 → a scalar.
+/// `image` and `target` `[N, H, W, C]`, `mask [N, H, W, 1]`; K is `levels`, or less where a side of
+/// less than 8 would be halved → a scalar.
 /// # Gradient
 /// To both images and the mask.
 /// # Panics

@@ -96,7 +96,7 @@ pub fn surface_points<'t, F: Real>(
 /// `positions [V, 3]`, `faces` F of them or a `mesh_core::Topology`, `samples [P]` → `[P, 3]`.
 /// # Gradient
 /// To the vertices of the faces that are drawn; the choice of faces counts as fixed. A face of (nearly) no area
-/// has a normal shorter than one, and a finite derivative; it is never drawn.
+/// has a normal shorter than one, and no gradient; it is never drawn.
 /// # Cost
 /// `O(P)`; backward computes the normals again.
 /// # Panics

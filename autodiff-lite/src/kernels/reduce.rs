@@ -97,7 +97,7 @@ pub fn max_axis<F: Real>(
         for k in 1..n {
             let row = &x[(o * n + k) * inner..][..inner];
             for ((y, best), &x) in y.iter_mut().zip(argument.iter_mut()).zip(row) {
-                if x > *y {
+                if x > *y || x.is_nan() {
                     *y = x;
                     *best = k as u32;
                 }

@@ -78,6 +78,9 @@ pub fn resize_grad<F: Real>(
     assert_eq!(gx.len(), elements(&[n, h, w, c]));
     let output = elements(&[rows.len(), columns.len(), c]);
     assert_eq!(g.len(), elements(&[n, output]));
+    if g.is_empty() {
+        return;
+    }
     for_each_part(gx, h * w * c, g.len() >= SERIAL_ELEMENTS, |image, gx| {
         let g = &g[image * output..(image + 1) * output];
         for (g, blend) in g.chunks_exact(columns.len() * c).zip(rows) {

@@ -29,6 +29,18 @@ fn c<F: Real>(x: f64) -> F {
     F::from_f64(x)
 }
 
+/// `x`, or the end of `[low, high]` that it is beyond; not a number where `x` is none.
+#[inline(always)]
+fn within<F: Real>(x: F, low: F, high: F) -> F {
+    if x < low {
+        low
+    } else if x > high {
+        high
+    } else {
+        x
+    }
+}
+
 /// Φ(x), the share of a Gaussian below x.
 #[inline(always)]
 fn normal_distribution<F: Real>(x: F) -> F {
@@ -83,10 +95,10 @@ unary! {
         s + x * s * (F::one() - s)
     };
     /// `clamp(x / 6 + 1/2, 0, 1)`, as in PyTorch.
-    hardsigmoid(): |x| (x / c(6.0) + c(0.5)).max(F::zero()).min(F::one()),
+    hardsigmoid(): |x| within(x / c(6.0) + c(0.5), F::zero(), F::one()),
         |x, _| if x > c(-3.0) && x < c(3.0) { c(1.0 / 6.0) } else { F::zero() };
     /// `x` kept within `[low, high]`; the gradient is 1 there, ends included, and 0 outside.
-    clamp(low, high): |x| x.max(low).min(high),
+    clamp(low, high): |x| within(x, low, high),
         |x, _| if x >= low && x <= high { F::one() } else { F::zero() };
     /// `xᵖ` for `x > 0`.
     powf(exponent): |x| x.powf(exponent), |x, _| exponent * x.powf(exponent - F::one());
@@ -112,7 +124,9 @@ impl<F: Real> Var<'_, F> {
     #[inline(never)]
     pub fn powi(self, n: i32) -> Self {
         let factor = F::from_f64(n as f64);
-        self.map_named("powi", move |x| x.powi(n), move |x, _| factor * x.powi(n - 1))
+        let derivative =
+            move |x: F, _| if n == 0 { F::zero() } else { factor * x.powi(n.saturating_sub(1)) };
+        self.map_named("powi", move |x| x.powi(n), derivative)
     }
 
     /// `y = f(x)` for each element, with `dy/dx = df(x, y)`.
@@ -263,7 +277,9 @@ mod tests {
     fn gradients_at_kinks_are_those_of_pytorch() {
         let tape = Tape::<f32>::train(0);
         let x = tape.leaf(ndarray::arr1(&[0.0]));
-        for (y, expected) in [(x.relu(), 0.0), (x.abs(), 0.0), (x.clamp(0.0, 1.0), 1.0)] {
+        for (y, expected) in
+            [(x.relu(), 0.0), (x.abs(), 0.0), (x.clamp(0.0, 1.0), 1.0), (x.powi(0), 0.0)]
+        {
             assert_eq!(y.sum().backward().wrt(x).unwrap()[0], expected);
         }
     }
@@ -272,8 +288,24 @@ mod tests {
     fn not_a_number_stays_visible() {
         let tape = Tape::<f32>::eval();
         let x = tape.constant(ndarray::arr1(&[f32::NAN]));
-        for y in [x.relu(), x.exp(), x.sigmoid(), x.tanh(), x.square(), x.leaky_relu(0.1)] {
-            assert!(y.value()[0].is_nan(), "{y:?}");
+        let one = tape.constant(ndarray::arr1(&[1.0]));
+        let both = tape.concat(&[one, x, one], 0);
+        for y in [
+            x.relu(),
+            x.exp(),
+            x.sigmoid(),
+            x.tanh(),
+            x.square(),
+            x.leaky_relu(0.1),
+            x.hardsigmoid(),
+            x.clamp(-1.0, 1.0),
+            x.maximum(one),
+            one.maximum(x),
+            x.minimum(one),
+            one.minimum(x),
+            both.max_axis(0),
+        ] {
+            assert!(y.value().iter().all(|y| y.is_nan()), "{y:?}");
         }
     }
 }

@@ -35,10 +35,10 @@ pairwise! {
     mul: |a, b| a * b, |a, b, _| (b, a);
     /// `a / b`, broadcasting.
     div: |a, b| a / b, |_, b, y| (b.recip(), -y / b);
-    /// The larger of `a` and `b`, broadcasting; where they are equal each gets half the gradient.
-    maximum: |a, b| if a > b { a } else { b }, |a, b, _| share(a > b, a < b);
-    /// The smaller of `a` and `b`, broadcasting; where they are equal each gets half the gradient.
-    minimum: |a, b| if a < b { a } else { b }, |a, b, _| share(a < b, a > b);
+    /// The larger of `a` and `b`, broadcasting; where they are equal each gets half the gradient. Not a number where either is none.
+    maximum: |a, b| if a > b || a.is_nan() { a } else { b }, |a, b, _| share(a > b, a < b);
+    /// The smaller of `a` and `b`, broadcasting; where they are equal each gets half the gradient. Not a number where either is none.
+    minimum: |a, b| if a < b || a.is_nan() { a } else { b }, |a, b, _| share(a < b, a > b);
 }
 
 #[inline(always)]

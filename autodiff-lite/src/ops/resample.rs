@@ -192,6 +192,14 @@ mod tests {
     }
 
     #[test]
+    fn an_image_of_no_width_has_no_gradient() {
+        let tape = Tape::<f64>::train(0);
+        let x = tape.leaf(ramp(4, 6));
+        let gradients = x.resize_bilinear(3, 0, false).sum().backward();
+        assert!(gradients.wrt(x).is_none_or(|g| g.iter().all(|&g| g == 0.0)));
+    }
+
+    #[test]
     fn outside_is_zero_or_the_border() {
         let tape = Tape::<f64>::eval();
         let x = tape.constant(ramp(2, 2));

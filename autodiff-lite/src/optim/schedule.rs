@@ -107,7 +107,9 @@ impl Plateau {
 
     /// Takes in one observation and returns the factor from here on.
     pub fn observe(&mut self, loss: f64) -> f64 {
-        if loss < self.best * (1.0 - self.threshold) || self.best == f64::INFINITY {
+        if loss < self.best * (1.0 - self.threshold)
+            || (self.best == f64::INFINITY && !loss.is_nan())
+        {
             self.best = loss;
             self.waited = 0;
         } else {
@@ -160,5 +162,9 @@ mod tests {
         // One cools down, three more until the floor.
         let observed = [0.6, 0.6, 0.6, 0.6].map(|loss| plateau.observe(loss));
         assert_eq!(observed, [0.1, 0.1, 0.1, 0.03]);
+        // What is not a number is no improvement, and does not stand in the way of one.
+        let mut plateau = Plateau::new(0.1, 2);
+        let observed = [f64::NAN, 5.0, 4.0, 3.0, 2.0].map(|loss| plateau.observe(loss));
+        assert_eq!(observed, [1.0; 5]);
     }
 }

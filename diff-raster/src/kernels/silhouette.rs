@@ -345,6 +345,11 @@ impl<F: Real> Job<F> for Pull<'_, F> {
         let (zero, one) = (l.zero(), l.one());
         let guard = Guard::of(l, settings, F::epsilon());
         let limited = settings.max_faces.is_some();
+        if settings.max_faces == Some(0) {
+            // No face has drawn anything.
+            out.fill([F::zero(); 6]);
+            return;
+        }
         for (reach, out) in reaches.iter().zip(out) {
             let columns = reach.pixels.columns.map(|c| c as usize);
             let mut sums = [zero; 6];

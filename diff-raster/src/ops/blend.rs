@@ -97,20 +97,29 @@ impl<'t, F: Real> Layers<'t, F> {
             let zeros = |i: usize| cx.pool().filled(cx.input(i).shape(), F::zero());
             let mut grads = [zeros(0), zeros(1), zeros(2)];
             let [of_colors, of_depth, of_distance] = grads.each_mut().map(Tensor::as_slice_mut);
-            let (many, few) = ((k * channels).max(1), k.max(1));
-            if k > 0 && channels > 0 {
-                let pixels = of_colors.par_chunks_mut(many).zip(of_depth.par_chunks_mut(few));
-                let pixels = pixels.zip(of_distance.par_chunks_mut(few)).enumerate();
+            let rest = || vec![F::zero(); k];
+            let pull = |rest: &mut Vec<F>, at: usize, mut out: Grads<'_, F>| {
+                let pixel = pixel_of(at, k, channels, &faces.face, [c, z, d]);
+                let own = at * (channels + 1)..(at + 1) * (channels + 1);
+                blend.pull(&pixel, [&image[own.clone()], &grad[own]], rest, &mut out);
+            };
+            let layers =
+                of_depth.par_chunks_mut(k.max(1)).zip(of_distance.par_chunks_mut(k.max(1)));
+            // Without channels there is coverage alone, and no colours to cut into parts.
+            if channels > 0 {
+                let pixels =
+                    layers.zip(of_colors.par_chunks_mut((k * channels).max(1))).enumerate();
                 pixels.with_min_len(256).for_each_init(
-                    || vec![F::zero(); k],
-                    |rest, (at, ((colors, depth), distance))| {
-                        let pixel = pixel_of(at, k, channels, &faces.face, [c, z, d]);
-                        let own = at * (channels + 1)..(at + 1) * (channels + 1);
-                        let planes = [&image[own.clone()], &grad[own]];
-                        let mut out = Grads { colors, depth, distance };
-                        blend.pull(&pixel, planes, rest, &mut out);
+                    rest,
+                    |rest, (at, ((depth, distance), colors))| {
+                        pull(rest, at, Grads { colors, depth, distance });
                     },
                 );
+            } else {
+                let pixels = layers.enumerate();
+                pixels.with_min_len(256).for_each_init(rest, |rest, (at, (depth, distance))| {
+                    pull(rest, at, Grads { colors: &mut [], depth, distance });
+                });
             }
             for (i, gradient) in grads.into_iter().enumerate() {
                 cx.give(i, gradient);

@@ -20,7 +20,7 @@ pub(crate) struct Scene {
 pub(crate) fn scenes() -> impl Strategy<Value = Scene> {
     let settings = (3_usize..26, 3_usize..26, any::<bool>(), any::<bool>(), any::<bool>())
         .prop_flat_map(|(height, width, published, cull, sharp)| {
-            let limit = prop_oneof![Just(None), (1_usize..4).prop_map(Some)];
+            let limit = prop_oneof![Just(None), (0_usize..4).prop_map(Some)];
             (Just((height, width, published, cull, sharp)), limit, 0.02..0.3)
         })
         .prop_map(|((height, width, published, cull_back_faces, sharp), max_faces, box_length)| {

@@ -107,10 +107,15 @@ proptest! {
         let colors = ArrayD::from_shape_vec(IxDyn(&colors), weights(colors.iter().product())).unwrap();
         let inputs = [scene.positions.clone().into_dyn(), colors];
         let blend = BlendSettings { sigma: 0.05, gamma: 0.2, background: vec![0.1, 0.7], near: 0.5, far: 6.0 };
+        let vertices = scene.faces.vertex_count();
         let f = rule(|x: &[Var<'_, f64>]| {
             let layers = Layers::of(x[0], &fragments);
             let image = layers.softmax_blend(layers.interpolate(x[1]), &blend);
-            image.sum().add(weighed(layers.depth())).add(weighed(layers.distance()).scale(0.3))
+            // Without a background's channels there is coverage alone.
+            let colorless = x[1].tape().constant(ArrayD::zeros(IxDyn(&[vertices, 0])));
+            let coverage = BlendSettings { background: Vec::new(), ..blend.clone() };
+            let coverage = layers.softmax_blend(layers.interpolate(colorless), &coverage);
+            image.sum().add(weighed(coverage)).add(weighed(layers.depth())).add(weighed(layers.distance()).scale(0.3))
                 .add(weighed(layers.alpha(0.04)))
         });
         let options = Options { epsilon: 1e-7, tolerance: 3e-5, ..Options::default().pieces() };

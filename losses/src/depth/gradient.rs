@@ -26,7 +26,7 @@ use crate::scalar::{record, wanted};
 /// If the shapes differ, or there are 32 scales or more.
 /// # References
 /// Ranftl et al. 2020, *Towards Robust Monocular Depth Estimation*, equation 11 (4 scales), after Li and
-/// Snavely 2018, *MegaDepth*.
+/// Snavely 2018, *MegaDepth*; counted by scales as in the code published with it.
 #[track_caller]
 pub fn depth_gradients<'t, F: Real>(
     prediction: Var<'t, F>,

@@ -9,7 +9,7 @@ pub enum Assignment {
     /// Jonker, Volgenant 1987, *A shortest augmenting path algorithm for dense and sparse linear assignment problems*.
     Exact,
     /// An approximation with a bound: points bid for partners until each has one, and the mean distance is at most
-    /// `(1 + excess)` times the least.
+    /// `(1 + excess)` times the least, or `1e-9` of the extent of both sets more than the least if that is more.
     ///
     /// # References
     /// Bertsekas 1988, *The auction algorithm: a distributed relaxation method for the assignment problem*.
@@ -22,11 +22,15 @@ pub enum Assignment {
 /// For each point of `a` its partner in `b`; each of `b` is the partner of one. Distances are not squared.
 ///
 /// # Panics
-/// If the sets differ in size, a coordinate is not finite, or the excess is not positive.
+/// If the sets differ in size, a coordinate or the square of the distance of two of them is not finite, or the excess is not positive.
 pub fn assign(a: &[[f64; 3]], b: &[[f64; 3]], method: Assignment) -> Vec<u32> {
     assert_eq!(a.len(), b.len(), "a pairing needs two sets of one size");
     let finite = a.iter().chain(b).flatten().all(|x| x.is_finite());
     assert!(finite, "a pairing needs finite coordinates");
+    assert!(
+        a.is_empty() || across(a, b).is_finite(),
+        "a pairing needs distances whose squares are finite"
+    );
     match method {
         _ if a.is_empty() => Vec::new(),
         Assignment::Exact => {
@@ -334,6 +338,13 @@ mod tests {
         let (a, b) = (vec![[0.0; 3]; 3], vec![[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]]);
         let column = assign(&a, &b, Assignment::Auction { excess: 0.01 });
         assert_eq!(total(&a, &b, &column), 3.0);
+    }
+
+    /// Paths of infinite length would be followed for ever.
+    #[test]
+    #[should_panic(expected = "squares are finite")]
+    fn distances_must_be_finite() {
+        let _ = assign(&[[1e200, 0.0, 0.0]; 2], &[[-1e200, 0.0, 0.0]; 2], Assignment::Exact);
     }
 
     #[test]

@@ -61,6 +61,9 @@ pub fn fill_pixels<T: Send>(
     least: usize,
     fill: impl Fn(usize, &mut [T]) + Sync,
 ) {
+    if out.is_empty() {
+        return;
+    }
     let chunk = chunk_len(out.len() / channels.max(1), least);
     if out.len() < SERIAL {
         fill(0, out);

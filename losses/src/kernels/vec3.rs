@@ -2,7 +2,7 @@
 
 use autodiff_lite::Real;
 
-/// Lengths below this count as this: a degenerate face has a short normal instead of an infinite derivative.
+/// Lengths below this count as this, and have no derivative: a degenerate face has a short normal and pulls at nothing.
 pub const TINY: f64 = 1e-12;
 
 /// A slice of coordinates as points; what is left over is cut off.
@@ -62,9 +62,13 @@ pub fn unit<F: Real>(a: [F; 3]) -> ([F; 3], F) {
     (scale(a, inverse), inverse)
 }
 
-/// The gradient of `a` from the gradient `g` of its [`unit()`] vector `u`.
+/// The gradient of `a` from the gradient `g` of its [`unit()`] vector `u`: none where `a` is no longer than [`TINY`], for which the
+/// true one is a million million times as long as that of other vectors.
 #[inline]
 pub fn unit_grad<F: Real>(u: [F; 3], inverse: F, g: [F; 3]) -> [F; 3] {
+    if inverse >= F::from_f64(1.0 / TINY) {
+        return [F::zero(); 3];
+    }
     scale(sub(g, scale(u, dot(u, g))), inverse)
 }
 

@@ -170,7 +170,7 @@ fn conditioned<'t, F: Real>(
     let step = |x: F| if x > F::zero() { F::one() } else { F::zero() };
     sum.zip(
         of_code.reshape(&[n, 1, width]),
-        |a, b| if a + b > F::zero() { a + b } else { F::zero() },
+        |a, b| if a + b <= F::zero() { F::zero() } else { a + b },
         move |_, _, y| (step(y), step(y)),
     )
 }

@@ -40,7 +40,7 @@ impl<F: Real> ConvNormRelu<F> {
     pub(super) fn new(init: &Init, inputs: usize, layer: Layer) -> Self {
         let (_, outputs, [h, w], stride, padding) = layer;
         let geometry = ConvGeometry { padding, ..ConvGeometry::new().stride(stride) };
-        // torchvision: a normal distribution of deviation 0.1, cut off at two deviations.
+        // As torchvision, whose normal distribution is cut off at -2 and 2, twenty deviations: hardly ever.
         let weight = init.at("conv.weight").normal(&[outputs, inputs, h, w], 0.0, 0.1);
         let bn = Norm::new(&init.at("bn"), outputs, NormKind::Frozen).with_eps(1e-3);
         Self { conv: Conv2d { weight, bias: None, geometry }, bn }

@@ -131,7 +131,8 @@ fn add_relu<'t, F: Real>(a: Var<'t, F>, b: Var<'t, F>) -> Var<'t, F> {
     assert_eq!(x.shape(), y.shape(), "a block and its shortcut differ in shape");
     let mut sum = tape.array(x.shape());
     let [x, y] = [&x, &y].map(Tensor::as_slice);
-    let positive = |x: F| if x > F::zero() { x } else { F::zero() };
+    // What is not a number stays visible.
+    let positive = |x: F| if x <= F::zero() { F::zero() } else { x };
     elementwise::zip(x, y, sum.as_slice_mut(), |x, y| positive(x + y));
     tape.record_fn("add_relu", &[a, b], sum, |cx: &mut Backward<'_, F>| {
         let y = cx.output();
@@ -175,6 +176,13 @@ mod tests {
             let options = Options::default().pieces().tolerance(1e-6);
             check(&f, &options.draw(&[vec![2, 4, 5, inputs]]), &options).unwrap();
         }
+    }
+
+    #[test]
+    fn not_a_number_stays_visible() {
+        let tape = Tape::<f32>::eval();
+        let [a, b] = [f32::NAN, 1.0].map(|x| tape.constant(ndarray::arr1(&[x])));
+        assert!(add_relu(a, b).value()[0].is_nan() && add_relu(b, a).value()[0].is_nan());
     }
 
     #[test]
