@@ -15,7 +15,7 @@ import subprocess
 # AVX-512, and stand in the table as quotations: (peer, ms).
 QUOTED = {
     "raster/forward-backward/icosphere-4-256-batch-1": [
-        ("PyTorch3D 0.7.9, 1,280 faces instead of 5,120 (quoted)", 17359),
+        ("PyTorch3D 0.7.9, a silhouette alone, of 1,280 faces instead of 5,120 (quoted)", 17359),
         ("the same with its backward patched (quoted)", 455),
     ],
     "raster/forward/icosphere-5-512-batch-1": [("Embree, visibility alone, 1 thread (quoted)", 63.7)],
