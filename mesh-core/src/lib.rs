@@ -80,6 +80,7 @@ pub mod bounds;
 mod camera;
 mod closest;
 mod conjugate_gradients;
+mod counted;
 mod crossings;
 mod csr;
 mod cubify;
@@ -125,6 +126,7 @@ pub use camera::{
 };
 pub use closest::{Closest, ClosestPoint, closest_weights};
 pub use conjugate_gradients::SolveReport;
+pub use counted::counted;
 pub use csr::Csr;
 pub use cubify::{EmptyGrid, cubify};
 pub use differential::{

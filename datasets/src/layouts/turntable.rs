@@ -1,9 +1,8 @@
 //! Photographs of an object on a turntable, whose cameras follow from how they were taken.
 
-use mesh_core::Camera;
+use mesh_core::{Camera, counted};
 
 use crate::assemble::{assemble, images_in, read_image_file, without_extension};
-use crate::counted::counted;
 use crate::error::ReadViewsError;
 use crate::mask_file::{mask_file, mask_names};
 use crate::options::{ReadOptions, Turntable};
