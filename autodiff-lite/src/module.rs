@@ -169,7 +169,7 @@ tuple_module!(A 0, B 1);
 tuple_module!(A 0, B 1, C 2);
 tuple_module!(A 0, B 1, C 2, D 3);
 
-/// Implements [`Module`](crate::Module) for a struct by naming all of its fields.
+/// Implements [`Module`] for a struct by naming all of its fields.
 ///
 /// Fields in the first braces are modules and are visited under their names; those after `fixed`
 /// are not. Lists after `lists` come before them, each module under the name that a function gives

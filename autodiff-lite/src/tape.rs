@@ -36,7 +36,7 @@ pub struct Tape<F: Real = f32> {
     pub(crate) edges: RefCell<Vec<u32>>,
     /// Gradient slots, kept for the next backward pass: the vector itself is several pages.
     pub(crate) slots: RefCell<Vec<Option<Tensor<F>>>>,
-    /// A spent vector of a [`Gradients`](crate::Gradients), for the same reason.
+    /// A spent vector of a [`Gradients`], for the same reason.
     pub(crate) spare: Spare<F>,
     params: RefCell<HashMap<ParamId, u32>>,
     pub(crate) pool: Pool,

@@ -45,7 +45,9 @@ pub(crate) fn diagnosis(views: &Views, options: &ReadOptions) -> Vec<String> {
 
 /// [`diagnosis`] without the problems of these names, of which something is said already.
 pub(crate) fn diagnosis_beside(views: &Views, options: &ReadOptions, said: &[&str]) -> Vec<String> {
-    let found = inspect_views_with(&views.whole(), &Truth::default(), options);
+    // Beside what is held already, which is less.
+    let whole = views.whole_within(options.memory_limit / 2);
+    let found = inspect_views_with(&whole, &Truth::default(), options);
     let new = found.problems.into_iter().filter(|problem| !said.contains(&problem.kind));
     new.map(|problem| problem.message).collect()
 }

@@ -20,7 +20,7 @@ pub(crate) const IMAGE_BYTES: u64 = 1 << 28;
 /// A decoded image and where it came from.
 pub(crate) struct ImageFile {
     pub(crate) path: PathBuf,
-    pub(crate) image: ByteImage,
+    pub(crate) pixels: ByteImage,
 }
 
 /// Reads and decodes an image.
@@ -31,9 +31,9 @@ pub(crate) fn read_image_file(
 ) -> Result<ImageFile, ReadViewsError> {
     let path = opened.source().locate(name);
     let bytes = opened.read(name, field, IMAGE_BYTES)?;
-    let image = decode_image_with(&bytes, &path, opened.limits())
+    let pixels = decode_image_with(&bytes, &path, opened.limits())
         .map_err(|error| ReadViewsError::new(&path, error))?;
-    Ok(ImageFile { path, image })
+    Ok(ImageFile { path, pixels })
 }
 
 /// A file's name without its extension, with its folders.
@@ -69,31 +69,31 @@ pub(crate) fn images_in(source: &Source, folder: &str) -> Result<Vec<String>, Re
 /// found with, but of the same shape.
 pub(crate) fn camera_of_size(
     camera: Camera,
-    picture: &ImageFile,
+    image: &ImageFile,
     file: &Path,
     field: &str,
 ) -> Result<Camera, ReadViewsError> {
-    let (width, height) = (picture.image.width, picture.image.height);
+    let (width, height) = (image.pixels.width, image.pixels.height);
     let (w, h) = (camera.width, camera.height);
     if (w, h) == (width, height) {
         return Ok(camera);
     }
-    check_shape([w, h], picture, file, field)?;
+    check_shape([w, h], image, file, field)?;
     Ok(camera.resized(width, height))
 }
 
-/// Refuses a picture that is no resized copy of one of `[width, height]`.
+/// Refuses an image that is no resized copy of one of `[width, height]`.
 pub(crate) fn check_shape(
     [w, h]: [usize; 2],
-    picture: &ImageFile,
+    image: &ImageFile,
     file: &Path,
     field: impl Into<String>,
 ) -> Result<(), ReadViewsError> {
-    let (width, height) = (picture.image.width, picture.image.height);
+    let (width, height) = (image.pixels.width, image.pixels.height);
     if w.saturating_mul(height).abs_diff(h.saturating_mul(width)) <= w.max(h) {
         return Ok(());
     }
-    let expected = format!("the shape of {}, {width}x{height}", picture.path.display());
+    let expected = format!("the shape of {}, {width}x{height}", image.path.display());
     Err(ReadViewsError::field(file, field, format!("{w}x{h}"), expected))
 }
 
@@ -126,13 +126,13 @@ pub(crate) fn put(path: &Path, bytes: &[u8]) -> Result<(), WriteViewsError> {
 /// `file` is what the layout's mask file says, where there is one and it was asked for. `camera` is for the image's size.
 pub(crate) fn assemble(
     name: String,
-    picture: ImageFile,
+    image: ImageFile,
     file: MaskFile,
     camera: Camera,
     depth: Option<(PathBuf, DepthMap)>,
     options: &ReadOptions,
 ) -> Result<View, ReadViewsError> {
-    let ImageFile { path, image } = picture;
+    let ImageFile { path, pixels: image } = image;
     let size = |h: usize, w: usize| format!("{w}x{h}");
     let same_size = |at: &Path, field: &str, h: usize, w: usize| {
         if (h, w) == (image.height, image.width) {

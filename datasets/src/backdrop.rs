@@ -37,38 +37,33 @@ pub(crate) struct Backdrop {
 ///
 /// # Panics
 /// If the image has fewer than 3 channels or no pixel.
-pub fn mask_from_backdrop(picture: &ByteImage, color: Option<[u8; 3]>, tolerance: u8) -> ByteImage {
-    Backdrop::of(picture, color, tolerance, [0; 4]).object(picture)
+pub fn mask_from_backdrop(image: &ByteImage, color: Option<[u8; 3]>, tolerance: u8) -> ByteImage {
+    Backdrop::of(image, color, tolerance, [0; 4]).object(image)
 }
 
 impl Backdrop {
     /// That of one image; without a colour it is the median of the border inside of the bars.
-    pub(crate) fn of(
-        picture: &ByteImage,
-        color: Option<[u8; 3]>,
-        tolerance: u8,
-        bars: Bars,
-    ) -> Self {
-        let most = [picture.height, picture.height, picture.width, picture.width];
+    pub(crate) fn of(image: &ByteImage, color: Option<[u8; 3]>, tolerance: u8, bars: Bars) -> Self {
+        let most = [image.height, image.height, image.width, image.width];
         let wide = (0..4).any(|k| 2 * bars[k] >= most[k]);
         let bars = if wide { [0; 4] } else { bars };
-        let color = color.unwrap_or_else(|| border_median(picture, bars));
+        let color = color.unwrap_or_else(|| border_median(image, bars));
         Self { color, tolerance, bars }
     }
 
     /// What several images of one scene have in common; nothing where their borders have no colour in common, or
     /// they are not of one size.
-    pub(crate) fn common(pictures: &[ByteImage], tolerance: u8) -> Option<Self> {
-        let first = pictures.first()?;
+    pub(crate) fn common(images: &[ByteImage], tolerance: u8) -> Option<Self> {
+        let first = images.first()?;
         let size = |p: &ByteImage| [p.height, p.width];
-        if pictures.iter().any(|p| size(p) != size(first)) {
+        if images.iter().any(|p| size(p) != size(first)) {
             return None;
         }
-        let bars = bars_of_all(pictures, tolerance);
-        let inner: Vec<_> = pictures.iter().map(|p| border_median(p, bars)).collect();
+        let bars = bars_of_all(images, tolerance);
+        let inner: Vec<_> = images.iter().map(|p| border_median(p, bars)).collect();
         let color = std::array::from_fn(|k| median(inner.iter().map(|c| c[k])));
         let agree = inner.iter().filter(|c| close(**c, color, tolerance)).count();
-        (2 * agree > pictures.len()).then_some(())?;
+        (2 * agree > images.len()).then_some(())?;
         // Bars of the backdrop's own colour are backdrop.
         let is_bar = |corner: [u8; 3]| !close(corner, color, tolerance);
         let sides = side_colors(first);
@@ -80,9 +75,9 @@ impl Backdrop {
     ///
     /// # Errors
     /// If most of the image's border differs too.
-    pub(crate) fn mask(&self, picture: &ByteImage) -> Result<ByteImage, ViewsProblem> {
+    pub(crate) fn mask(&self, image: &ByteImage) -> Result<ByteImage, ViewsProblem> {
         let (mut other, mut all) = (0_usize, 0_usize);
-        for pixel in border(picture, self.bars) {
+        for pixel in border(image, self.bars) {
             all += 1;
             other += usize::from(!close(pixel, self.color, self.tolerance));
         }
@@ -91,22 +86,19 @@ impl Backdrop {
             let (color, tolerance) = (self.color, self.tolerance);
             return Err(ViewsProblem::BusyBackdrop { share, color, tolerance });
         }
-        Ok(self.object(picture))
+        Ok(self.object(image))
     }
 
-    fn object(&self, picture: &ByteImage) -> ByteImage {
-        let (height, width, c) = (picture.height, picture.width, picture.channels);
-        assert!(
-            c >= 3 && height * width > 0,
-            "a backdrop needs a colour picture, got {c} channels"
-        );
+    fn object(&self, image: &ByteImage) -> ByteImage {
+        let (height, width, c) = (image.height, image.width, image.channels);
+        assert!(c >= 3 && height * width > 0, "a backdrop needs a colour image, got {c} channels");
         let [top, bottom, left, right] = self.bars;
         let is_object = |(k, p): (usize, &[u8])| {
             let (i, j) = (k / width, k % width);
             let inside = i >= top && i + bottom < height && j >= left && j + right < width;
             u8::from(inside && !close([p[0], p[1], p[2]], self.color, self.tolerance)) * 255
         };
-        let data = picture.data.chunks_exact(c).enumerate().map(is_object).collect();
+        let data = image.data.chunks_exact(c).enumerate().map(is_object).collect();
         let mut mask = ByteImage { height, width, channels: 1, data };
         keep_largest_part(&mut mask);
         mask
@@ -118,8 +110,8 @@ fn close(a: [u8; 3], b: [u8; 3], tolerance: u8) -> bool {
 }
 
 /// The pixels around the inside of bars.
-fn border(picture: &ByteImage, [top, bottom, left, right]: Bars) -> impl Iterator<Item = [u8; 3]> {
-    let (height, width) = (picture.height, picture.width);
+fn border(image: &ByteImage, [top, bottom, left, right]: Bars) -> impl Iterator<Item = [u8; 3]> {
+    let (height, width) = (image.height, image.width);
     let rows = top..height.saturating_sub(bottom);
     let columns = left..width.saturating_sub(right);
     let last = rows.end.saturating_sub(1);
@@ -128,16 +120,16 @@ fn border(picture: &ByteImage, [top, bottom, left, right]: Bars) -> impl Iterato
         let long = columns.len().saturating_sub(1).max(1);
         columns.clone().step_by(if i == top || i == last { 1 } else { long }).map(move |j| (i, j))
     })
-    .map(move |(i, j)| pixel(picture, i, j))
+    .map(move |(i, j)| pixel(image, i, j))
 }
 
-fn pixel(picture: &ByteImage, i: usize, j: usize) -> [u8; 3] {
-    let at = (i * picture.width + j) * picture.channels;
-    [picture.data[at], picture.data[at + 1], picture.data[at + 2]]
+fn pixel(image: &ByteImage, i: usize, j: usize) -> [u8; 3] {
+    let at = (i * image.width + j) * image.channels;
+    [image.data[at], image.data[at + 1], image.data[at + 2]]
 }
 
-fn border_median(picture: &ByteImage, bars: Bars) -> [u8; 3] {
-    let pixels: Vec<[u8; 3]> = border(picture, bars).collect();
+fn border_median(image: &ByteImage, bars: Bars) -> [u8; 3] {
+    let pixels: Vec<[u8; 3]> = border(image, bars).collect();
     std::array::from_fn(|k| median(pixels.iter().map(|p| p[k])))
 }
 
@@ -147,18 +139,18 @@ fn median(values: impl Iterator<Item = u8>) -> u8 {
 }
 
 /// The colours of the four sides' middles.
-fn side_colors(picture: &ByteImage) -> [[u8; 3]; 4] {
-    let (h, w) = (picture.height - 1, picture.width - 1);
-    [(0, w / 2), (h, w / 2), (h / 2, 0), (h / 2, w)].map(|(i, j)| pixel(picture, i, j))
+fn side_colors(image: &ByteImage) -> [[u8; 3]; 4] {
+    let (h, w) = (image.height - 1, image.width - 1);
+    [(0, w / 2), (h, w / 2), (h / 2, 0), (h / 2, w)].map(|(i, j)| pixel(image, i, j))
 }
 
 /// How many rows and columns at the sides are of one colour in every image, and of the same one in all.
-fn bars_of_all(pictures: &[ByteImage], tolerance: u8) -> Bars {
-    let first = &pictures[0];
+fn bars_of_all(images: &[ByteImage], tolerance: u8) -> Bars {
+    let first = &images[0];
     let (height, width) = (first.height, first.width);
     let sides = side_colors(first);
     let plain = |side: usize, line: usize| {
-        pictures.iter().all(|p| {
+        images.iter().all(|p| {
             let along = if side < 2 { width } else { height };
             (0..along).all(|k| {
                 let (i, j) = match side {

@@ -1,9 +1,6 @@
-//! How many there are of something, in words.
+//! How many there are of something that is spoken of, in words.
 
-/// `1 object`, `3 objects`.
-pub(crate) fn counted(count: usize, noun: &str) -> String {
-    format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
-}
+use mesh_core::counted;
 
 /// `1 object is`, `3 objects are`.
 pub(crate) fn counted_are(count: usize, noun: &str) -> String {

@@ -121,6 +121,13 @@ impl View {
         }
     }
 
+    /// Bytes of pixels of the whole image.
+    fn whole_bytes(&self) -> f64 {
+        let [height, width] = self.whole_size();
+        let each = self.bytes() as f64 / self.mask.data.len().max(1) as f64;
+        each * height as f64 * width as f64
+    }
+
     /// Rows and columns of the whole image.
     pub fn whole_size(&self) -> [usize; 2] {
         self.crop.map_or([self.mask.height, self.mask.width], |crop| [crop.height, crop.width])
@@ -137,9 +144,34 @@ impl Views {
             return Cow::Borrowed(self);
         }
         let views = self.views.iter().map(|view| view.whole().into_owned()).collect();
-        let (source, warnings, test) =
-            (self.source.clone(), self.warnings.clone(), self.test.clone());
-        Cow::Owned(Self { views, source, layout: self.layout, warnings, test })
+        Cow::Owned(self.with(views))
+    }
+
+    /// The same, averaged down by one factor as far as their pixels must be to take no more than so many bytes: of large images of small
+    /// objects the parts fit where all of it does not. `bytes` is at least one pixel's a view, or else it is exceeded by that.
+    ///
+    /// # Cost
+    /// As [`whole`](Self::whole), and of a single view all of it beside.
+    pub fn whole_within(&self, bytes: u64) -> Cow<'_, Self> {
+        let needed: f64 = self.views.iter().map(View::whole_bytes).sum();
+        let scale = (bytes as f64 / needed).sqrt();
+        if scale >= 1.0 || needed == 0.0 {
+            return self.whole();
+        }
+        let smaller = |view: &View| {
+            let longest = view.whole_size().into_iter().max().unwrap_or(0) as f64;
+            // One less, since sides are rounded.
+            let longest = ((longest * scale) as usize).saturating_sub(1).max(1);
+            view.whole().into_owned().at_most(longest)
+        };
+        Cow::Owned(self.with(self.views.iter().map(smaller).collect()))
+    }
+
+    /// Other views of the same.
+    fn with(&self, views: Vec<View>) -> Self {
+        let Self { source, layout, warnings, test, .. } = self;
+        let (source, warnings, test) = (source.clone(), warnings.clone(), test.clone());
+        Self { views, source, layout: *layout, warnings, test }
     }
 }
 
@@ -183,5 +215,26 @@ mod tests {
             let held = whole.depth.iter().flat_map(|depth| &depth.data).filter(|z| z.is_finite());
             prop_assert_eq!(held.count(), part.mask.data.len());
         }
+    }
+
+    #[test]
+    fn whole_images_come_down_to_what_they_may_take() {
+        let view = |row: usize| {
+            let camera = Camera::look_at([0.0, 1.0, 4.0], [0.0; 3], [0.0, 1.0, 0.0], 0.6, 200, 100);
+            let (color, mut mask) = (ByteImage::new(100, 200, 3), ByteImage::new(100, 200, 1));
+            mask.data[200 * row + 90..200 * row + 110].fill(255);
+            View { name: row.to_string(), color, mask, camera, depth: None, crop: None }
+        };
+        let parts = Views::in_memory([20, 50].map(|row| view(row).cropped_to_object(0.1)).into());
+        let all = 2 * 4 * 100 * 200;
+        assert!(parts.whole_within(all) == parts.whole());
+        let small = parts.whole_within(all / 3);
+        assert!(
+            small.bytes() as u64 <= all / 3 && 4 * small.bytes() as u64 > all,
+            "{}",
+            small.bytes()
+        );
+        assert!(small.views.iter().all(|view| view.crop.is_none() && view.validate().is_ok()));
+        assert_eq!(parts.whole_within(0).views[0].mask.data.len(), 1);
     }
 }

@@ -16,7 +16,7 @@ pub(crate) fn read(
     opened: &mut Opened<'_>,
     names: &[String],
     unit: f64,
-    picture: &ByteImage,
+    image: &ByteImage,
     options: &ReadOptions,
 ) -> Result<Option<(PathBuf, DepthMap)>, ReadViewsError> {
     let source = opened.source();
@@ -28,16 +28,16 @@ pub(crate) fn read(
         extension.is_some_and(|extension| extension.eq_ignore_ascii_case(wanted))
     };
     let mut depth = if ends_in("png") {
-        let bytes = opened.read(name, "depth", most_bytes(picture))?;
+        let bytes = opened.read(name, "depth", most_bytes(image))?;
         decode_depth_png_with(&bytes, &path, unit as f32, opened.limits())
             .map_err(|error| ReadViewsError::new(&path, error))?
     } else if ends_in("exr") {
-        let bytes = opened.read(name, "depth", most_bytes(picture))?;
+        let bytes = opened.read(name, "depth", most_bytes(image))?;
         decode_depth_with(&bytes, &path, opened.limits())
             .map_err(|error| ReadViewsError::new(&path, error))?
     } else {
-        let data = read_npy(opened, name, "depth", picture)?;
-        DepthMap { height: picture.height, width: picture.width, data }
+        let data = read_npy(opened, name, "depth", image)?;
+        DepthMap { height: image.height, width: image.width, data }
     };
     for d in &mut depth.data {
         if !(*d > 0.0 && *d < 1e9) {
@@ -52,10 +52,10 @@ pub(crate) fn read_npy(
     opened: &mut Opened<'_>,
     name: &str,
     field: &str,
-    picture: &ByteImage,
+    image: &ByteImage,
 ) -> Result<Vec<f32>, ReadViewsError> {
-    let (height, width) = (picture.height, picture.width);
-    let bytes = opened.read(name, field, most_bytes(picture))?;
+    let (height, width) = (image.height, image.width);
+    let bytes = opened.read(name, field, most_bytes(image))?;
     let array = npy::read(&bytes, &[&[height, width], &[height, width, 1]]).map_err(|e| {
         ReadViewsError::field(
             opened.source().locate(name),
@@ -68,6 +68,6 @@ pub(crate) fn read_npy(
 }
 
 /// What one array over the image may take: eight bytes a pixel, and a header.
-fn most_bytes(picture: &ByteImage) -> u64 {
-    8 * (picture.height * picture.width) as u64 + (1 << 20)
+fn most_bytes(image: &ByteImage) -> u64 {
+    8 * (image.height * image.width) as u64 + (1 << 20)
 }

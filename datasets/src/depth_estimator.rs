@@ -50,12 +50,12 @@ impl DepthEstimator {
     /// The model fails, or answers with something else than a number per pixel.
     /// # Panics
     /// If the image has no pixels.
-    pub fn estimate(&self, picture: &ByteImage) -> Result<DisparityMap, NetworkError> {
-        let wanted = self.input.size(picture.height, picture.width);
+    pub fn estimate(&self, image: &ByteImage) -> Result<DisparityMap, NetworkError> {
+        let wanted = self.input.size(image.height, image.width);
         let size = [0, 1].map(|k| self.network.size[k].unwrap_or(wanted[k]));
-        let values = self.input.prepare(picture, size);
+        let values = self.input.prepare(image, size);
         let (values, size) = self.network.run(values, size, Answer::First)?;
-        Ok(self.input.restore(&values, size, [picture.height, picture.width]))
+        Ok(self.input.restore(&values, size, [image.height, image.width]))
     }
 }
 

@@ -20,7 +20,7 @@ const MOST_BYTES: u64 = 1 << 30;
 /// `[H, W]`, `[H, W, 1]`, `[1, H, W]` or `[1, 1, H, W]`.
 ///
 /// # Errors
-/// The file cannot be read, is none of these, is damaged, or is a picture in colour.
+/// The file cannot be read, is none of these, is damaged, or is an image in colour.
 pub fn read_depth_file(path: impl AsRef<Path>, unit: f32) -> Result<DepthMap, ReadViewsError> {
     let ([height, width], mut data) = numbers(path.as_ref())?;
     for value in &mut data {

@@ -108,8 +108,8 @@ impl DepthInput {
     ///
     /// # Panics
     /// If either has no pixels.
-    pub fn prepare(&self, picture: &ByteImage, [height, width]: [usize; 2]) -> Vec<f32> {
-        let rgb = picture.to_rgb();
+    pub fn prepare(&self, image: &ByteImage, [height, width]: [usize; 2]) -> Vec<f32> {
+        let rgb = image.to_rgb();
         let values: Vec<f32> = rgb.data.iter().map(|&b| f32::from(b) / 255.0).collect();
         let sized = resample(&values, [rgb.height, rgb.width, 3], [height, width], cubic);
         let channel = |c: usize| {

@@ -75,6 +75,7 @@
 
 mod assemble;
 mod backdrop;
+mod budget;
 mod consistency;
 mod content;
 mod convention;

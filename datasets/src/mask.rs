@@ -7,29 +7,29 @@ use crate::options::ReadOptions;
 
 /// The mask that an image's alpha gives, 255 = object; `None` where there is no alpha to speak
 /// of: no such channel, or one that is opaque everywhere.
-pub fn mask_from_alpha(picture: &ByteImage) -> Option<ByteImage> {
-    let c = picture.channels;
+pub fn mask_from_alpha(image: &ByteImage) -> Option<ByteImage> {
+    let c = image.channels;
     if c != 2 && c != 4 {
         return None;
     }
-    let alpha = || picture.data.iter().skip(c - 1).step_by(c);
+    let alpha = || image.data.iter().skip(c - 1).step_by(c);
     if alpha().all(|&a| a == 255) {
         return None;
     }
     let data = alpha().map(|&a| if a >= 128 { 255 } else { 0 }).collect();
-    Some(ByteImage { height: picture.height, width: picture.width, channels: 1, data })
+    Some(ByteImage { height: image.height, width: image.width, channels: 1, data })
 }
 
 /// A mask from an image file: the alpha where it says something, else the grey value.
-pub(crate) fn mask_from_image(picture: &ByteImage) -> ByteImage {
-    mask_from_alpha(picture).unwrap_or_else(|| {
-        let c = picture.channels;
+pub(crate) fn mask_from_image(image: &ByteImage) -> ByteImage {
+    mask_from_alpha(image).unwrap_or_else(|| {
+        let c = image.channels;
         let gray = |p: &[u8]| {
             if c >= 3 { (p[0] as u16 + p[1] as u16 + p[2] as u16) / 3 } else { p[0] as u16 }
         };
         let data =
-            picture.data.chunks_exact(c).map(|p| if gray(p) >= 128 { 255 } else { 0 }).collect();
-        ByteImage { height: picture.height, width: picture.width, channels: 1, data }
+            image.data.chunks_exact(c).map(|p| if gray(p) >= 128 { 255 } else { 0 }).collect();
+        ByteImage { height: image.height, width: image.width, channels: 1, data }
     })
 }
 

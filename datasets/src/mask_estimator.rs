@@ -40,12 +40,12 @@ impl MaskEstimator {
     /// The model fails, or answers with something else than a number per pixel.
     /// # Panics
     /// If the image has no pixels.
-    pub fn estimate(&self, picture: &ByteImage) -> Result<Image, NetworkError> {
+    pub fn estimate(&self, image: &ByteImage) -> Result<Image, NetworkError> {
         let size = self.network.size.map(|fixed| fixed.unwrap_or(self.input.side));
-        let values = self.input.prepare(picture, size);
+        let values = self.input.prepare(image, size);
         let which = if self.input.last_output { Answer::Last } else { Answer::First };
         let (values, found) = self.network.run(values, size, which)?;
-        Ok(self.input.restore(&values, found, [picture.height, picture.width]))
+        Ok(self.input.restore(&values, found, [image.height, image.width]))
     }
 
     /// The pixels of which the object has at least half: 255, others 0.
@@ -53,8 +53,8 @@ impl MaskEstimator {
     /// # Errors
     /// # Panics
     /// As [`estimate`](Self::estimate).
-    pub fn mask(&self, picture: &ByteImage) -> Result<ByteImage, NetworkError> {
-        Ok(mask_of_shares(&self.estimate(picture)?))
+    pub fn mask(&self, image: &ByteImage) -> Result<ByteImage, NetworkError> {
+        Ok(mask_of_shares(&self.estimate(image)?))
     }
 }
 

@@ -115,7 +115,7 @@ pub(crate) fn named_mask(
     if !options.reads_mask_files() {
         return Ok(MaskFile::default());
     }
-    let ImageFile { path, image } = read_image_file(opened, name, "mask")?;
+    let ImageFile { path, pixels: image } = read_image_file(opened, name, "mask")?;
     Ok(Some((path, mask_from_image(&image))).into())
 }
 
@@ -138,7 +138,7 @@ pub(crate) fn mask_of_folder(
     let source = Source::folder(folder).within(options.limits);
     let mut opened = source.open()?;
     if let Some(name) = names.iter().find(|name| source.has(name)) {
-        let ImageFile { path, image } = read_image_file(&mut opened, name, "mask")?;
+        let ImageFile { path, pixels: image } = read_image_file(&mut opened, name, "mask")?;
         return Ok(Some((path, mask_from_image(&image))).into());
     }
     let stem = path.to_string_lossy();

@@ -85,8 +85,8 @@ impl MaskInput {
     ///
     /// # Panics
     /// If either has no pixels.
-    pub fn prepare(&self, picture: &ByteImage, [height, width]: [usize; 2]) -> Vec<f32> {
-        let rgb = picture.to_rgb().resized(height, width);
+    pub fn prepare(&self, image: &ByteImage, [height, width]: [usize; 2]) -> Vec<f32> {
+        let rgb = image.to_rgb().resized(height, width);
         let brightest = rgb.data.iter().copied().max().unwrap_or(0);
         let one = match self.scale {
             PixelScale::Full => 255.0,

@@ -42,7 +42,8 @@ pub struct ReadOptions {
     pub undistort: bool,
     /// Whether views with missing files, or without a mask, are left out, with a warning, instead of refused.
     pub allow_missing: bool,
-    /// How many bytes the pixels of all views may take together.
+    /// How many bytes the pixels of all views may take together, as they are kept ([`margin`](Self::margin)). The whole image of each view
+    /// that is being read, one a thread, comes on top.
     pub memory_limit: u64,
     /// Whether views that would take more are averaged down together until they do not, with a warning, instead of refused.
     pub shrink_to_limit: bool,

@@ -35,9 +35,9 @@ impl Photograph {
     ///
     /// let folder = tempfile::tempdir()?;
     /// let path = folder.path().join("ball.png");
-    /// let mut picture = ByteImage { height: 8, width: 8, channels: 3, data: vec![250; 192] };
-    /// picture.data[81..87].fill(9); // two dark pixels in row 3
-    /// write_png(&path, &picture)?;
+    /// let mut image = ByteImage { height: 8, width: 8, channels: 3, data: vec![250; 192] };
+    /// image.data[81..87].fill(9); // two dark pixels in row 3
+    /// write_png(&path, &image)?;
     /// let camera = |width, height| Camera::from_r2n2(0.0, 30.0, 0.8, width, height);
     /// let found = Photograph::read(&path, &camera, &ReadOptions::default())?;
     /// assert!(found.guessed);
@@ -70,9 +70,9 @@ impl Photograph {
         let mask = if guessed { backdrop } else { options.mask };
         let name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
         let camera = camera(image.width, image.height);
-        let picture = ImageFile { path: path.to_owned(), image };
+        let image = ImageFile { path: path.to_owned(), pixels: image };
         let options = ReadOptions { mask, ..options.clone() };
-        let view = assemble(name, picture, file, camera, None, &options)?;
+        let view = assemble(name, image, file, camera, None, &options)?;
         if view.mask_pixels() == 0 {
             return Err(ReadViewsError::new(path, ViewsProblem::NoMask { looked_for: None }));
         }

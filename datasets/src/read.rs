@@ -3,11 +3,11 @@
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
-use mesh_core::{Camera, Lens, OverLimit};
+use mesh_core::{Camera, Lens};
 use rayon::prelude::*;
 
+use crate::budget::{check_budget, megabytes};
 use crate::consistency;
-use crate::content::over;
 use crate::convention::reread;
 use crate::error::ReadViewsError;
 use crate::mask::clean;
@@ -60,12 +60,12 @@ impl<'a> Reading<'a> {
 type Decoded = Option<Result<View, ReadViewsError>>;
 
 /// The views that are wanted of a list, in the order in which they are.
-struct Reader<'r, 'a> {
-    path: &'r Path,
-    source: &'r Source,
+pub(crate) struct Reader<'r, 'a> {
+    pub(crate) path: &'r Path,
+    pub(crate) source: &'r Source,
     layout: Layout,
-    options: &'r ReadOptions,
-    chosen: Vec<&'r Pending<'a>>,
+    pub(crate) options: &'r ReadOptions,
+    pub(crate) chosen: Vec<&'r Pending<'a>>,
     /// Their places in the list, where they are not all of it.
     which: Option<&'r [usize]>,
     /// The most pixels of their longer side.
@@ -80,39 +80,62 @@ struct Kept {
 }
 
 impl Reader<'_, '_> {
-    /// One view, with its camera and at the size that it is meant to have.
-    fn view(&self, read: &Pending<'_>, opened: &mut Opened<'_>) -> Result<View, ReadViewsError> {
-        let view = read(opened)?;
-        let view = View { camera: meant(view.camera, self.layout, self.options), ..view };
+    /// One view of the list, as it is kept.
+    fn view(&self, at: usize, opened: &mut Opened<'_>) -> Result<View, ReadViewsError> {
+        Ok(self.kept(self.whole(at, opened)?))
+    }
+
+    /// One view of the list with its camera, all of its image at its own size.
+    pub(crate) fn whole(&self, at: usize, opened: &mut Opened<'_>) -> Result<View, ReadViewsError> {
+        let view = self.chosen[at](opened)?;
+        Ok(View { camera: meant(view.camera, self.layout, self.options), ..view })
+    }
+
+    /// What is kept of a view: at the size that it is meant to have, and around its object.
+    pub(crate) fn kept(&self, view: View) -> View {
         let view = match self.longest {
             Some(longest) => view.at_most(longest),
             None => view,
         };
-        Ok(match self.options.margin.filter(|_| !is_segmented(self.options)) {
+        match self.margin() {
             Some(margin) => view.cropped_to_object(margin),
             None => view,
-        })
+        }
     }
 
-    /// Reads in parallel, until that is more than may be held.
-    fn decode(&self, progress: &(dyn Fn(usize, usize) + Sync)) -> Vec<Decoded> {
+    /// What is kept around an object that is known once its view is read; see [`ReadOptions::margin`].
+    pub(crate) fn margin(&self) -> Option<f64> {
+        self.options.margin.filter(|_| !is_segmented(self.options))
+    }
+
+    /// Reads in parallel, until that is more than may be held. `first` is the first view where that was read before.
+    fn decode(
+        &self,
+        first: Option<View>,
+        progress: &(dyn Fn(usize, usize) + Sync),
+    ) -> Vec<Decoded> {
         let (total, done, bytes) = (self.chosen.len(), AtomicUsize::new(0), AtomicU64::new(0));
-        let decoded = self.chosen.par_iter().map_init(
+        let counted = |view: &View| {
+            bytes.fetch_add(view.bytes() as u64, Ordering::Relaxed);
+            progress(done.fetch_add(1, Ordering::Relaxed) + 1, total);
+        };
+        let first = first.map(|view| self.kept(view));
+        first.iter().for_each(counted);
+        let from = usize::from(first.is_some());
+        let rest = (from..total).into_par_iter().map_init(
             || None,
-            |opened: &mut Option<Opened<'_>>, read| {
+            |opened: &mut Option<Opened<'_>>, at| {
                 // Once over the budget the rest is not even decoded; which views that are depends on the threads.
                 if bytes.load(Ordering::Relaxed) > self.options.memory_limit {
                     return None;
                 }
-                let view = reopened(opened, self.source).and_then(|opened| self.view(read, opened));
-                if let Ok(view) = &view {
-                    bytes.fetch_add(view.bytes() as u64, Ordering::Relaxed);
-                    progress(done.fetch_add(1, Ordering::Relaxed) + 1, total);
-                }
+                let view = reopened(opened, self.source).and_then(|opened| self.view(at, opened));
+                view.iter().for_each(counted);
                 Some(view)
             },
         );
-        decoded.collect()
+        let rest: Vec<Decoded> = rest.collect();
+        first.map(|view| Some(Ok(view))).into_iter().chain(rest).collect()
     }
 
     /// Sorts out what is not wanted and what may be missing, which `warnings` then says.
@@ -133,7 +156,7 @@ impl Reader<'_, '_> {
             let index = self.which.map_or(at, |which| which[at]);
             // What was passed over comes before what is too much, so that the error is the same for any number of threads.
             let result = result.unwrap_or_else(|| {
-                self.source.open().and_then(|mut opened| self.view(self.chosen[at], &mut opened))
+                self.source.open().and_then(|mut opened| self.view(at, &mut opened))
             });
             held += result.as_ref().map_or(0, |view| view.bytes() as u64);
             check_budget(path, options, held)?;
@@ -218,15 +241,18 @@ pub(crate) fn read_chosen(
         let found = format!("{layout}, which has no poses of its own");
         return Err(ReadViewsError::field(path, field, found, "a layout with matrices of cameras"));
     }
-    let longest = longest_side(path, source, &chosen, options)?;
-    if let Some(longest) = longest {
+    let mut reader = Reader { path, source, layout, options, chosen, which, longest: None };
+    let first = reader.judged()?;
+    if let Some(first) = &first {
+        reader.longest = reader.longest_side(first)?;
+    }
+    if let Some(longest) = reader.longest {
         warnings.push(format!(
             "all views at their own size would take more than {} of memory: their longer side is averaged down to {longest} pixels",
             megabytes(options.memory_limit)
         ));
     }
-    let reader = Reader { path, source, layout, options, chosen, which, longest };
-    let decoded = reader.decode(progress);
+    let decoded = reader.decode(first, progress);
     let Kept { mut views, test } = reader.keep(decoded, &kept_for_test, &mut warnings)?;
     if is_segmented(options) {
         segment(path, &mut views, options)?;
@@ -292,44 +318,6 @@ fn reopened<'o, 'a>(
         *opened = Some(source.open()?);
     }
     Ok(opened.as_mut().expect("opened above"))
-}
-
-/// Views of which so few are read that their memory is not judged by the first of them: that one is read twice.
-const FEW: usize = 16;
-
-/// To how many pixels of the longer side views must come down for all of them to stay within their memory, if they must: the first
-/// view tells. Where they are refused instead, they are so before the others are read.
-fn longest_side(
-    path: &Path,
-    source: &Source,
-    chosen: &[&Pending<'_>],
-    options: &ReadOptions,
-) -> Result<Option<usize>, ReadViewsError> {
-    if chosen.len() < FEW {
-        return Ok(None);
-    }
-    // One that cannot be read is spoken of where all are.
-    let Ok(first) = chosen[0](&mut source.open()?) else { return Ok(None) };
-    let needed = first.bytes() as u64 * chosen.len() as u64;
-    if needed <= options.memory_limit || !options.shrink_to_limit {
-        return check_budget(path, options, needed).map(|()| None);
-    }
-    let scale = (options.memory_limit as f64 / needed as f64).sqrt();
-    let side = first.color.height.max(first.color.width) as f64;
-    // One less, since sides are rounded.
-    Ok(Some(((side * scale) as usize).saturating_sub(1).max(1)))
-}
-
-fn megabytes(bytes: u64) -> String {
-    format!("{} MB", bytes / 1_000_000)
-}
-
-fn check_budget(path: &Path, options: &ReadOptions, found: u64) -> Result<(), ReadViewsError> {
-    if found <= options.memory_limit {
-        return Ok(());
-    }
-    let field = "all views in memory";
-    Err(over(path, field, OverLimit { needed: found, most: options.memory_limit }))
 }
 
 /// What is said of poses that a layout does not have.

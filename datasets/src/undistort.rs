@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use mesh_core::{ByteImage, Camera, DepthMap, Distortion, Lens, Mask};
+use mesh_core::{ByteImage, Camera, DepthMap, Distortion, Lens, Mask, counted};
 
 use crate::error::{ReadViewsError, ViewsProblem};
 use crate::options::ReadOptions;
@@ -205,9 +205,8 @@ impl Lenses {
     /// What is done about them; none where there is no such lens.
     pub(crate) fn sentence(&self) -> Option<String> {
         const MOST: usize = 3;
-        let named = |(lens, &views): (&String, &usize)| {
-            format!("{lens} ({views} view{})", if views == 1 { "" } else { "s" })
-        };
+        let named =
+            |(lens, &views): (&String, &usize)| format!("{lens} ({})", counted(views, "view"));
         let mut lenses: Vec<String> = self.0.iter().take(MOST).map(named).collect();
         if self.0.len() > MOST {
             lenses.push(format!("{} other lenses", self.0.len() - MOST));

@@ -9,7 +9,7 @@ pub const NONE: u32 = u32::MAX;
 
 /// The shared faces of a batch: corners, and for each vertex the face corners that touch it.
 ///
-/// Make it once per topology and share it in an [`Arc`](std::sync::Arc): gradients of faces are
+/// Make it once per topology and share it in an [`Arc`]: gradients of faces are
 /// gathered into vertices along it, in a fixed order and without atomics.
 ///
 /// ```

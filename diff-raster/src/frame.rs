@@ -37,7 +37,7 @@ pub struct Frame<'t, F: Real = f32> {
 }
 
 impl<'t, F: Real> Frame<'t, F> {
-    /// A frame of visibility that is known already: of the same meshes, from [`rasterize`](crate::rasterize)
+    /// A frame of visibility that is known already: of the same meshes, from [`rasterize`](crate::rasterize())
     /// or an earlier frame. [`Renderer::frame`](crate::Renderer::frame) finds it.
     ///
     /// # Shapes

@@ -137,7 +137,7 @@ impl<F: Real> LayeredFragments<F> {
 /// ```
 ///
 /// # Shapes
-/// `projected [N, V, 3]` as for [`rasterize`](crate::rasterize): a variable, a tensor or an array.
+/// `projected [N, V, 3]` as for [`rasterize`](crate::rasterize()): a variable, a tensor or an array.
 /// # Cost
 /// Each face at each pixel of its enlarged box, on one lane, in parallel over bands of rows.
 /// # Panics

@@ -32,7 +32,7 @@
 //! | for | see |
 //! |---|---|
 //! | images on a tape, step after step | [`Renderer`], [`Frame`] |
-//! | what is seen at each pixel | [`rasterize`], [`Fragments`]; in the memory of earlier ones [`rasterize_into`] |
+//! | what is seen at each pixel | [`rasterize`](rasterize()), [`Fragments`]; in the memory of earlier ones [`rasterize_into`] |
 //! | how it is drawn | [`Settings`], [`Settings::published`] for DIB-R with its accidents |
 //! | memory that several renderers share | [`Scratch`] |
 //! | colours, normals, texture coordinates | [`interpolate`], [`interpolate_corners`] |

@@ -89,7 +89,7 @@ fn sub(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
     [a[0] - b[0], a[1] - b[1]]
 }
 
-/// Visibility, as [`rasterize`](crate::rasterize).
+/// Visibility, as [`rasterize`](crate::rasterize()).
 pub fn rasterize(points: &[Point], faces: &[[u32; 3]], settings: &Settings) -> Image {
     let pixels = settings.pixels();
     let mut image = Image {

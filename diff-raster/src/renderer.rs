@@ -74,7 +74,7 @@ impl<F: Real> Renderer<F> {
     ///
     /// # Shapes
     /// `projected [N, V, 3]`: NDC `x` (right), NDC `y` (up) and planar depth, as
-    /// [`project`](Var::project) gives them and [`rasterize`](crate::rasterize) takes them.
+    /// [`project`](Var::project) gives them and [`rasterize`](crate::rasterize()) takes them.
     /// # Cost
     /// `O(N (V + F + H W))` plus the pixels of the boxes of all faces.
     /// # Panics

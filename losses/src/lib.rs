@@ -29,12 +29,12 @@
 //! | silhouettes | [`mask_iou`], [`mask_bce`], of logits [`mask_bce_logits`] (and [`l2`]) |
 //! | classes | [`cross_entropy`] of logits |
 //! | depth maps | [`ScaleShiftInvariant`] on [`disparity`] (scale and shift), [`log_depth`] (scale); their parts: [`align_scale_shift`], [`normalize_depth`], [`depth_l2`], [`depth_l1_trimmed`], [`depth_gradients`] |
-//! | flat, unfolded surfaces | [`face_angle`], [`normal_consistency`] |
+//! | flat, unfolded surfaces | [`face_angle`](face_angle()), [`normal_consistency`] |
 //! | even, smooth surfaces | [`edge_length`], [`edge_length_sum`], [`laplacian_squared`], [`laplacian_norm`], [`laplacian_cotangent`], [`laplacian_cotcurv`] |
 //! | small deformations | [`deformation_norm`] |
-//! | point sets | [`chamfer`], [`chamfer_distance`] and [`chamfer_normals`] over [`Matches`], [`chamfer_l1`], [`chamfer_normals_signed`], [`earth_mover`]; [`knn_points`], [`knn_gather`] over [`Neighbors`] |
+//! | point sets | [`chamfer`](chamfer()), [`chamfer_distance`] and [`chamfer_normals`] over [`Matches`], [`chamfer_l1`], [`chamfer_normals_signed`], [`earth_mover`](earth_mover()); [`knn_points`], [`knn_gather`] over [`Neighbors`] |
 //! | points and a surface | [`point_mesh_face_distance`], [`point_face_distance`], [`face_point_distance`]; [`nearest_faces`], [`nearest_points`] |
-//! | edges in a true surface | [`edge_normal`] |
+//! | edges in a true surface | [`edge_normal`](edge_normal()) |
 //! | geometry that carries gradients | [`vertex_normals`], [`face_normals`], [`surface_points`], [`surface_normals`] |
 //!
 //! # Metrics

@@ -25,7 +25,7 @@
 //! - **a mesh**: [`TriMesh`], [`Texture`]; [`TriMesh::validate`], [`TriMesh::health`],
 //!   [`TriMesh::self_intersections`], both as [`TriMesh::examined`] says them, [`mod@bounds`], area, volume, transforms, [`TriMesh::append`],
 //!   [`TriMesh::vertex_colors`]
-//! - **make one**: [`primitives`]; finer by [`subdivide`], with anything that lives on the vertices by
+//! - **make one**: [`primitives`]; finer by [`subdivide`](subdivide()), with anything that lives on the vertices by
 //!   [`Subdivision`]; better triangles by [`improve`], of one size by [`fn@remesh`], fewer by [`simplify`], fewer and graded by [`coarsen`];
 //!   without self-intersections by [`TriMesh::untangle`]
 //! - **who is next to whom**: [`Topology`] (edges, face pairs, rings), [`Csr`]
@@ -34,8 +34,8 @@
 //! - **smooth steps**: [`DiffusionSolver`], `(I + λ L) x = b`
 //! - **fair surfaces**: [`NormalFilter`]; [`NormalDiffusion`] and [`integrate_normals`], which reach across whole sides
 //! - **points and cells**: [`sample_surface`], [`nearest`], [`ClosestPoint`], [`closest_weights`]; [`voxelize_solid`], [`voxelize_surface`],
-//!   [`voxelize_parity`], [`voxelize_enclosed`], [`VoxelGrid::iou`]; back to a mesh by [`cubify`] and
-//!   [`marching_cubes`]; the cells that a
+//!   [`voxelize_parity`], [`voxelize_enclosed`], [`VoxelGrid::iou`]; back to a mesh by [`cubify`](cubify()) and
+//!   [`marching_cubes`](marching_cubes()); the cells that a
 //!   camera sees, [`CameraVolume`]
 //! - **see**: [`Camera`] with every convention that data comes in, [`Distortion`], [`UpAxis`]; [`Image`], [`ByteImage`], [`DepthMap`],
 //!   [`DisparityMap`] and the [`GroundPlane`] that estimators make up
@@ -80,6 +80,7 @@ pub mod bounds;
 mod camera;
 mod closest;
 mod conjugate_gradients;
+mod counted;
 mod crossings;
 mod csr;
 mod cubify;
@@ -126,6 +127,7 @@ pub use camera::{
 };
 pub use closest::{Closest, ClosestPoint, closest_weights};
 pub use conjugate_gradients::SolveReport;
+pub use counted::counted;
 pub use csr::Csr;
 pub use cubify::{EmptyGrid, cubify};
 pub use differential::{

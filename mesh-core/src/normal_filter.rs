@@ -27,7 +27,7 @@ impl NormalFilter {
     ///
     /// What noise and smoothing leave on flat parts, dimples of some degrees, is averaged away, and edges, across which normals differ by
     /// more than the filter sees, remain. It knows nothing of what the mesh was made from: what is to be held to that is filtered and fitted
-    /// in turns. Large steps may fold faces; [`untangle`](crate::untangle) mends them.
+    /// in turns. Large steps may fold faces; [`untangle`](crate::untangle()) mends them.
     ///
     /// ```
     /// use mesh_core::{NormalFilter, Topology, TriMesh, primitives, subdivide};

@@ -12,7 +12,7 @@ impl TriMesh {
     /// both directions, as on open or disoriented surfaces, are left as they are, but for vertices that only touch. Positions do
     /// not move: parts lie on one another where they touched. Colours are repeated with the vertices; a texture stays.
     ///
-    /// [`cubify`](crate::cubify) makes such edges where two cells touch along an edge alone:
+    /// [`cubify`](crate::cubify()) makes such edges where two cells touch along an edge alone:
     ///
     /// ```
     /// use mesh_core::{EmptyGrid, VoxelGrid, cubify};

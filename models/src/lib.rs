@@ -22,7 +22,7 @@
 //! - **from where an image was taken**, guessed: [`mod@viewpoint`]
 //! - **apply what was trained** to a user's files: [`predict`]
 //! - **all systems**, for a program that offers them: [`register`]
-//! - **published forms** are the presets `paper`; their rows in tables `paper-table`; what mends them: [`repairs`]
+//! - **published forms** are the presets `paper`; their rows in tables `paper-table`; what mends them: [`repairs`](repairs())
 //!
 //! Training is [`train`](fn@train::train)'s; a system implements [`train::System`].
 //!

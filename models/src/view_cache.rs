@@ -147,7 +147,7 @@ impl<T: Stored> ViewCache<T> {
         Ok(parts)
     }
 
-    /// See [`identity`](crate::parts::identity).
+    /// See [`identity`].
     pub(crate) fn identity(&self, object: usize) -> u64 {
         identity(&self.dataset.entries()[object])
     }

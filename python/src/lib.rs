@@ -1,5 +1,7 @@
 //! The module `unsphere._unsphere`: the libraries' functions on NumPy arrays. What users see of it is in `python/unsphere`.
 
+#![allow(rustdoc::broken_intra_doc_links, reason = "docstrings, in which [N, 3] is a shape")]
+
 use pyo3::prelude::*;
 
 mod arrays;

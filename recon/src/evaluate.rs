@@ -6,7 +6,7 @@ use losses::metrics::{l1, mask_iou, psnr_inside, ssim};
 use mesh_core::{ByteImage, Camera, Image, TriMesh};
 use rayon::prelude::*;
 use serde::Serialize;
-use synth::{RenderOptions, render_views};
+use synth::{RenderOptions, render_view};
 
 /// How well a mesh agrees with one view.
 ///
@@ -80,7 +80,7 @@ pub fn score_views_by(
         .par_iter()
         .enumerate()
         .map(|(index, (view, camera))| {
-            let render = seen_from(mesh, &view.whole_camera(camera), &options)?;
+            let render = render_view(mesh, &view.whole_camera(camera), &options)?;
             let mut score = score(&render, &view.whole());
             // Grey stands for a colour that nobody gave.
             score.psnr = score.psnr.filter(|_| is_colored);
@@ -98,19 +98,6 @@ pub fn score_views_by(
         ssim: mean(|s| s.ssim),
         views: scores,
     })
-}
-
-/// What one camera sees of a mesh.
-///
-/// # Errors
-/// If a face names a vertex that is not there.
-pub fn seen_from(
-    mesh: &TriMesh,
-    camera: &Camera,
-    options: &RenderOptions,
-) -> Result<View, FacesError> {
-    let mut views = render_views(mesh, std::slice::from_ref(camera), options, &|_, _| ())?;
-    Ok(views.swap_remove(0))
 }
 
 fn score(render: &View, truth: &View) -> ViewScore {
@@ -132,6 +119,7 @@ mod tests {
     use super::*;
     use crate::turntable::orbit;
     use mesh_core::primitives::icosphere;
+    use synth::render_views;
 
     fn ball(radius: f32, shade: f32) -> TriMesh {
         let mut mesh = icosphere(4);
@@ -161,8 +149,8 @@ mod tests {
         let truth = ball(1.0, 0.6);
         let camera = Camera::look_at([0.0, 0.0, 60.0], [0.0; 3], [0.0, 1.0, 0.0], 0.05, 256, 256);
         let options = RenderOptions { supersample: 1, ..RenderOptions::default() };
-        let views = render_views(&truth, &[camera], &options, &|_, _| ()).unwrap();
-        let scores = score_views(&ball(0.8, 0.5), &[&views[0]], &|_, _| ()).unwrap();
+        let view = render_view(&truth, &camera, &options).unwrap();
+        let scores = score_views(&ball(0.8, 0.5), &[&view], &|_, _| ()).unwrap();
         assert!((scores.mask_iou - 0.64).abs() < 0.01, "{}", scores.mask_iou);
         // Inside the true mask: 0.1 off on 64 %, 0.6 off on 36 %.
         let psnr = -10.0 * (0.64f64 * 0.01 + 0.36 * 0.36).log10();

@@ -6,9 +6,7 @@ use mesh_core::bounds::{self, Bounds};
 use mesh_core::vector::widen;
 use mesh_core::{ByteImage, Camera, TriMesh};
 use rayon::prelude::*;
-use synth::{Lighting, RenderOptions, render_views};
-
-use crate::evaluate::seen_from;
+use synth::{Lighting, RenderOptions, render_view, render_views};
 
 /// Quality of the palette, 1 (best) to 30 (fastest); 10 is indistinguishable here at half the time of 5.
 const PALETTE_SPEED: i32 = 10;
@@ -76,7 +74,7 @@ pub fn animation(meshes: &[TriMesh]) -> Result<Vec<u8>, FacesError> {
     let camera = orbit(bounds, 8, 0.35, SIDE).swap_remove(1);
     let mut frames = Vec::with_capacity(meshes.len() + STAYS);
     for mesh in meshes {
-        frames.push(seen_from(mesh, &camera, &options)?.color);
+        frames.push(render_view(mesh, &camera, &options)?.color);
     }
     let last = frames.last().cloned();
     frames.extend(last.into_iter().flat_map(|frame| std::iter::repeat_n(frame, STAYS)));

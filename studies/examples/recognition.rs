@@ -20,8 +20,8 @@ use models::{Registry, register};
 use rand::SeedableRng;
 use rand::seq::{IndexedRandom, SliceRandom};
 use rand_chacha::ChaCha8Rng;
-use recon::evaluate::{score_views, seen_from};
-use synth::{Lighting, RenderOptions};
+use recon::evaluate::score_views;
+use synth::{RenderOptions, render_view};
 use train::Checkpoint;
 
 /// Objects in a row of the sheet.
@@ -152,7 +152,7 @@ fn sides(mesh: &TriMesh) -> Result<Vec<ByteImage>, Failure> {
     let around = mesh.bounds().ok_or("an empty mesh")?;
     let middle = widen(bounds::center(around));
     let radius = 0.5 * bounds::diagonal::<f64>(around);
-    let options = over_white();
+    let options = RenderOptions::studio();
     let side = |degrees: &f64| {
         let (sin, cos) = degrees.to_radians().sin_cos();
         let (up, flat) = ABOVE.to_radians().sin_cos();
@@ -160,7 +160,7 @@ fn sides(mesh: &TriMesh) -> Result<Vec<ByteImage>, Failure> {
         let eye = [flat * sin, up, flat * cos].map(|x| away * x);
         let eye: [f64; 3] = std::array::from_fn(|k| middle[k] + eye[k]);
         let camera = Camera::look_at(eye, middle, [0.0, 1.0, 0.0], 0.62, SIDE, SIDE);
-        Ok(seen_from(mesh, &camera, &options)?.color)
+        Ok(render_view(mesh, &camera, &options)?.color)
     };
     SIDES.iter().map(side).collect()
 }
@@ -172,12 +172,8 @@ fn beside(
     rng: &mut ChaCha8Rng,
 ) -> Result<Vec<ByteImage>, Failure> {
     let elsewhere = input.others.choose(rng).ok_or("no view is left that is not given")?;
-    let predicted = seen_from(mesh, &elsewhere.camera, &over_white())?.color;
+    let predicted = render_view(mesh, &elsewhere.camera, &RenderOptions::studio())?.color;
     Ok(vec![input.given[0].over([255; 3]), predicted, elsewhere.over([255; 3])])
-}
-
-fn over_white() -> RenderOptions {
-    RenderOptions { background: [1.0; 3], lighting: Lighting::studio(), ..RenderOptions::default() }
 }
 
 fn sheet(shown: &[Shown]) -> Result<ByteImage, Failure> {

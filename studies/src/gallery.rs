@@ -5,9 +5,8 @@ use models::{MeshPair, MeshPairs};
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
-use recon::evaluate::seen_from;
 use recon::turntable::orbit;
-use synth::{Lighting, RenderOptions};
+use synth::{RenderOptions, render_view};
 use train::DataError;
 
 /// Objects that are shown.
@@ -49,13 +48,14 @@ pub(crate) fn sheets(objects: &[MeshPair]) -> Option<[ByteImage; 2]> {
     if objects.is_empty() {
         return None;
     }
+    let options = RenderOptions::studio();
     let mut sheets = [(); 2].map(|()| blank(SIDES * SIDE, objects.len() * SIDE));
     for (column, object) in objects.iter().enumerate() {
         let Some(bounds) = object.truth.bounds() else { continue };
         for (row, camera) in orbit(bounds, SIDES, ELEVATION, SIDE).iter().enumerate() {
             for (sheet, mesh) in sheets.iter_mut().zip([object.mesh.as_ref(), Some(&object.truth)])
             {
-                let view = mesh.and_then(|mesh| seen_from(mesh, camera, &options()).ok());
+                let view = mesh.and_then(|mesh| render_view(mesh, camera, &options).ok());
                 if let Some(view) = view {
                     sheet.paste(&view.color, [row * SIDE, column * SIDE]);
                 }
@@ -63,11 +63,6 @@ pub(crate) fn sheets(objects: &[MeshPair]) -> Option<[ByteImage; 2]> {
         }
     }
     Some(sheets)
-}
-
-fn options() -> RenderOptions {
-    let lighting = Lighting::studio();
-    RenderOptions { background: [1.0; 3], lighting, ..RenderOptions::default() }
 }
 
 fn blank(height: usize, width: usize) -> ByteImage {

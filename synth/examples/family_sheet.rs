@@ -8,7 +8,7 @@ use std::io::Write;
 
 use mesh_core::{ByteImage, Camera, write_png};
 use synth::shapes::Family;
-use synth::{Lighting, RenderOptions, render_views};
+use synth::{Lighting, RenderOptions, render_view};
 
 /// Azimuths in degrees, taken in turns: mostly three-quarter views of the front.
 const AZIMUTHS: [f64; 6] = [38.0, -42.0, 140.0, 55.0, -35.0, -130.0];
@@ -38,7 +38,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             let shape = family.draw((seed + column) as u64);
             let mesh = shape.mesh();
             let camera = camera(AZIMUTHS[column % AZIMUTHS.len()], size);
-            let view = render_views(&mesh, &[camera], &options, &|_, _| {})?.remove(0);
+            let view = render_view(&mesh, &camera, &options)?;
             sheet.paste(&view.color, [row * size, column * size]);
             let traits: Vec<String> =
                 shape.traits.iter().map(|(name, value)| format!("{name} {value}")).collect();

@@ -86,7 +86,7 @@ mod tests {
     use mesh_core::primitives;
 
     use super::*;
-    use crate::{RenderOptions, render_views};
+    use crate::{RenderOptions, render_view};
 
     /// A ball whose faces are there twice: red outwards, blue inwards, with vertices of its own.
     fn two_sided() -> TriMesh {
@@ -105,7 +105,7 @@ mod tests {
         let mut mesh = two_sided();
         let options = RenderOptions { supersample: 1, ..RenderOptions::default() };
         let from = |mesh: &TriMesh, eye: [f64; 3]| {
-            let view = render_views(mesh, &[camera(eye)], &options, &|_, _| {}).unwrap().remove(0);
+            let view = render_view(mesh, &camera(eye), &options).unwrap();
             let colors = view.color.data.chunks_exact(3).zip(&view.mask.data);
             let mut seen: Vec<[u8; 3]> = colors
                 .filter(|(_, mask)| **mask != 0)

@@ -49,6 +49,28 @@ impl Default for RenderOptions {
     }
 }
 
+impl RenderOptions {
+    /// Lit by [`Lighting::studio`] before white, as pages show meshes side by side.
+    pub fn studio() -> Self {
+        Self { lighting: Lighting::studio(), background: [1.0; 3], ..Self::default() }
+    }
+}
+
+/// Draws the mesh from one camera: what [`render_views`] gives for it.
+///
+/// # Errors
+/// # Panics
+/// # Cost
+/// As [`render`].
+pub fn render_view(
+    mesh: &TriMesh,
+    camera: &Camera,
+    options: &RenderOptions,
+) -> Result<View, FacesError> {
+    let mut views = render_views(mesh, std::slice::from_ref(camera), options, &|_, _| ())?;
+    Ok(views.swap_remove(0))
+}
+
 /// Draws the mesh from every camera, and keeps of it what a [`View`] holds.
 ///
 /// # Errors
@@ -271,8 +293,7 @@ mod tests {
         let ball = primitives::icosphere(5).colored([1.0, 0.5, 0.25]);
         let options = RenderOptions { depth: true, ..RenderOptions::default() };
         let camera = camera(80, 60);
-        let view =
-            &render_views(&ball, std::slice::from_ref(&camera), &options, &|_, _| {}).unwrap()[0];
+        let view = render_view(&ball, &camera, &options).unwrap();
         let mut wrong = 0;
         for k in 0..80 * 60 {
             let ray = camera.ray((k % 80) as f64 + 0.5, (k / 80) as f64 + 0.5);
@@ -300,7 +321,7 @@ mod tests {
         let ball = primitives::icosphere(3).colored([1.0; 3]);
         let draw = |supersample| {
             let options = RenderOptions { supersample, ..RenderOptions::default() };
-            render_views(&ball, &[camera(64, 48)], &options, &|_, _| {}).unwrap().remove(0)
+            render_view(&ball, &camera(64, 48), &options).unwrap()
         };
         let (hard, soft) = (draw(1), draw(3));
         assert_eq!(hard.mask, soft.mask);
@@ -401,7 +422,7 @@ mod tests {
         camera.translation = [0.0, 0.0, -2.0].into();
         camera.lens = Lens::Orthographic { sx: 32.0, sy: 32.0, cx: 32.0, cy: 32.0 };
         let options = RenderOptions::default();
-        let view = render_views(&mesh, &[camera], &options, &|_, _| {}).unwrap().remove(0);
+        let view = render_view(&mesh, &camera, &options).unwrap();
         assert_eq!(view.color.pixel(8, 8), [255, 0, 0]);
         assert_eq!(view.color.pixel(8, 56), [0, 255, 0]);
         assert_eq!(view.color.pixel(63, 20), [0, 0, 255]);
@@ -416,16 +437,14 @@ mod tests {
             let mesh = ball.clone().translated([x, y, z]);
             let camera = camera(60, 44);
             let options = RenderOptions { depth: true, ..RenderOptions::default() };
-            let view = render_views(&mesh, std::slice::from_ref(&camera), &options, &|_, _| {})
-                .unwrap()
-                .remove(0);
+            let view = render_view(&mesh, &camera, &options).unwrap();
             // A speck far behind the camera makes the whole image be sampled.
             let mut with_speck = mesh.clone();
             let speck = primitives::icosphere(0).colored([1.0; 3]).scaled([1e-3; 3]);
             with_speck.append(&speck.translated([0.0, 0.0, 50.0])).unwrap();
-            let whole = render_views(&with_speck, &[camera], &options, &|_, _| {}).unwrap();
-            assert_eq!(view.mask, whole[0].mask, "ball at {x} {y} {z}");
-            assert_eq!(view.color, whole[0].color);
+            let whole = render_view(&with_speck, &camera, &options).unwrap();
+            assert_eq!(view.mask, whole.mask, "ball at {x} {y} {z}");
+            assert_eq!(view.color, whole.color);
         }
     }
 

@@ -57,6 +57,9 @@ pub(crate) struct Reading {
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(8..))]
     pub(crate) max_size: Option<u32>,
     /// Stay within about so much memory, 2GB or 500MB: views that would take more are averaged down together.
+    ///
+    /// What counts is what is kept: for `fit` the part of each image around the object. While an image is read all of it is
+    /// there beside, one for each thread.
     #[arg(long, value_name = "SIZE", value_parser = memory)]
     pub(crate) max_memory: Option<u64>,
     /// Leave out views whose files are missing or that have no mask, instead of refusing them all.

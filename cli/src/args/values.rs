@@ -69,16 +69,42 @@ pub(crate) fn memory(text: &str) -> Result<u64, String> {
     };
     let bytes = number.trim().parse::<f64>().map_err(|error| error.to_string())? * unit;
     if !(1e8..=1e15).contains(&bytes) {
-        return Err("100MB at least expected".to_owned());
+        return Err("100MB to 1000000GB expected".to_owned());
     }
     Ok(bytes as u64)
 }
 
 pub(crate) fn hex_color(text: &str) -> Result<[u8; 3], String> {
-    let digits = text.trim_start_matches('#');
+    let digits = text.strip_prefix('#').unwrap_or(text);
     let byte = |k: usize| digits.get(2 * k..2 * k + 2).and_then(|d| u8::from_str_radix(d, 16).ok());
-    match (digits.len(), byte(0), byte(1), byte(2)) {
-        (6, Some(r), Some(g), Some(b)) => Ok([r, g, b]),
+    // A number may begin with a plus; a colour has digits alone.
+    let plain = digits.len() == 6 && digits.bytes().all(|digit| digit.is_ascii_hexdigit());
+    match (plain, byte(0), byte(1), byte(2)) {
+        (true, Some(r), Some(g), Some(b)) => Ok([r, g, b]),
         _ => Err("expected six hexadecimal digits, for example ffffff".to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colors_are_six_digits() {
+        for text in ["00ff10", "#00FF10"] {
+            assert_eq!(hex_color(text), Ok([0, 255, 16]));
+        }
+        for text in ["", "fff", "+f+f+f", "##00ff1", "00ff1g", "00ff100", "\u{e9}\u{e9}\u{e9}"] {
+            assert!(hex_color(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn memory_has_a_unit_and_is_neither_too_little_nor_absurd() {
+        assert_eq!(memory("1.5gb"), Ok(1_500_000_000));
+        assert_eq!(memory("500 MB"), Ok(500_000_000));
+        for text in ["500", "2TB", "50MB", "-1GB", "nanGB", "1e9GB"] {
+            assert!(memory(text).is_err(), "{text}");
+        }
     }
 }

@@ -20,6 +20,10 @@ use crate::progress::Progress;
 use crate::system::Systems;
 use crate::views::read_views;
 
+/// From so many faces at one vertex on comparing them takes long: they all come close to each other, so that each is compared with
+/// each, some 20 seconds for this many.
+const CROWDED: usize = 20_000;
+
 /// What is printed with `--json`.
 #[derive(Debug, Default, Serialize)]
 struct Checked<'a> {
@@ -126,6 +130,9 @@ pub(crate) fn run(
 }
 
 fn check_mesh<'a>(console: Console, path: &'a Path, mesh: &TriMesh) -> MeshReport<'a> {
+    if let Some(text) = crowded(mesh) {
+        console.warn(format_args!("{}: {text}", path.display()));
+    }
     let progress = Progress::in_shares(console, "examine");
     let found = mesh.examined_with(&|done, all| progress.set(done, all));
     progress.finish();
@@ -133,6 +140,21 @@ fn check_mesh<'a>(console: Console, path: &'a Path, mesh: &TriMesh) -> MeshRepor
     let Examination { health, self_intersections } = found;
     let watertight = health.is_watertight();
     MeshReport { path, watertight, problems, self_intersections, health }
+}
+
+/// What is said of a mesh whose examination takes much longer than its size lets expect.
+fn crowded(mesh: &TriMesh) -> Option<String> {
+    let mut faces_at = vec![0_usize; mesh.positions.len()];
+    for &vertex in mesh.faces.iter().flatten() {
+        if let Some(count) = faces_at.get_mut(vertex as usize) {
+            *count += 1;
+        }
+    }
+    let most = faces_at.into_iter().max().filter(|&most| most >= CROWDED)?;
+    Some(format!(
+        "{most} faces meet at one vertex, as the triangles of a polygon do: each is compared with each, which takes a while \
+         and four times as long for twice as many"
+    ))
 }
 
 fn check_views<'a>(
@@ -205,4 +227,26 @@ fn describe(checked: &Checked<'_>) -> String {
     }
     parts.extend(checked.options.as_deref().map(options::text));
     parts.concat()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A polygon of so many corners as readers take it: a fan of triangles around the first.
+    fn polygon(corners: usize) -> TriMesh {
+        let at = |k: usize| std::f64::consts::TAU * k as f64 / corners as f64;
+        let positions = (0..corners).map(|k| [at(k).cos() as f32, at(k).sin() as f32, 0.0]);
+        let faces = (2..corners as u32).map(|k| [0, k - 1, k]);
+        TriMesh::new(positions.collect(), faces.collect())
+    }
+
+    #[test]
+    fn a_fan_that_takes_long_is_spoken_of() {
+        assert_eq!(crowded(&polygon(CROWDED + 1)), None);
+        let text = crowded(&polygon(CROWDED + 2)).unwrap_or_default();
+        assert!(text.starts_with("20000 faces meet at one vertex"), "{text}");
+        // Faces that name what is not there are no reason to fail.
+        assert_eq!(crowded(&TriMesh::new(vec![[0.0; 3]], vec![[0, 7, 9]])), None);
+    }
 }

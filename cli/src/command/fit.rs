@@ -94,7 +94,8 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Fit) -> Result<(
             return Err(Failure::Usage(text.to_owned()));
         }
         let fitted = views.len();
-        let others = read_views(console, others, &reading)?;
+        // The list of names is of the views that are fitted.
+        let others = read_views(console, others, &ReadOptions { only: None, ..reading.clone() })?;
         views.views.extend(others.views);
         views.warnings.extend(others.warnings);
         views.test = (fitted..views.len()).collect();

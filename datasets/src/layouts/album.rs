@@ -93,12 +93,12 @@ pub(crate) fn chosen(count: usize, which: Option<&[usize]>) -> Vec<usize> {
 /// The camera of an annotation for the image that is really there, which may have been resized.
 pub(crate) fn fitted(
     camera: Camera,
-    picture: &ImageFile,
+    image: &ImageFile,
     file: &Path,
     field: &str,
 ) -> Result<Camera, ReadViewsError> {
     camera.validate().map_err(ReadViewsError::camera(file, field))?;
-    camera_of_size(camera, picture, file, &format!("{field}: size"))
+    camera_of_size(camera, image, file, &format!("{field}: size"))
 }
 
 /// The mesh in a file, where the file is there.

@@ -181,7 +181,7 @@ fn read_scene(
     let mut images = Vec::new();
     for (key, list) in Node::root(&poses, &pose_path).members()? {
         let image: u64 =
-            key.parse().map_err(|_| list.wrong("a picture's number as the key of its list"))?;
+            key.parse().map_err(|_| list.wrong("an image's number as the key of its list"))?;
         images.push((image, key, list));
     }
     images.sort_by_key(|&(image, ..)| image);
@@ -240,7 +240,7 @@ fn whole(node: &Node<'_>) -> Result<u64, ReadViewsError> {
 
 impl Shot {
     /// The image among `rgb` and `gray`.
-    fn picture(&self, source: &Source) -> Result<String, ReadViewsError> {
+    fn image(&self, source: &Source) -> Result<String, ReadViewsError> {
         let names = ["rgb", "gray"].iter().flat_map(|folder| {
             IMAGE_EXTENSIONS.map(|end| format!("{}{folder}/{:06}.{end}", self.scene, self.image))
         });
@@ -248,7 +248,7 @@ impl Shot {
         let first = names.peek().cloned().unwrap_or_default();
         names.find(|name| source.has(name)).ok_or_else(|| {
             let wanted_by = format!(
-                "picture {} of {}{POSES} is kept there, or in gray, as PNG or JPEG",
+                "image {} of {}{POSES} is kept there, or in gray, as PNG or JPEG",
                 self.image, self.scene
             );
             ReadViewsError::missing_view(source.locate(&first), wanted_by)
@@ -258,20 +258,20 @@ impl Shot {
     fn read(
         &self,
         opened: &mut Opened<'_>,
-        picture: &str,
+        image: &str,
         options: &ReadOptions,
     ) -> Result<View, ReadViewsError> {
-        let picture = read_image_file(opened, picture, "picture")?;
-        let camera = self.camera(opened.source(), &picture)?;
+        let image = read_image_file(opened, image, "image")?;
+        let camera = self.camera(opened.source(), &image)?;
         let masks = ["mask_visib", "mask"].map(|folder| {
             format!("{}{folder}/{:06}_{:06}.png", self.scene, self.image, self.instance)
         });
         let mask = mask_file(opened, &masks, options)?;
         let depth = if options.depth { self.depth(opened)? } else { None };
-        assemble(self.name.clone(), picture, mask, camera, depth, options)
+        assemble(self.name.clone(), image, mask, camera, depth, options)
     }
 
-    fn camera(&self, source: &Source, picture: &ImageFile) -> Result<Camera, ReadViewsError> {
+    fn camera(&self, source: &Source, image: &ImageFile) -> Result<Camera, ReadViewsError> {
         let rows = |m: &[f64; 9]| [[m[0], m[1], m[2]], [m[3], m[4], m[5]], [m[6], m[7], m[8]]];
         let mut k = rows(&self.intrinsics);
         // From the centre of the first pixel to its corner.
@@ -280,7 +280,7 @@ impl Shot {
         let fails = |file: &str, field: String| {
             ReadViewsError::camera(source.locate(&format!("{}{file}", self.scene)), field)
         };
-        let (width, height) = (picture.image.width, picture.image.height);
+        let (width, height) = (image.pixels.width, image.pixels.height);
         let camera = Camera::from_opencv(rows(&self.rotation), self.translation, k, width, height)
             .map_err(fails(CAMERAS, format!("{}.cam_K", self.image)))?;
         let field = format!("{}[{}].cam_R_m2c, cam_t_m2c", self.image, self.instance);
@@ -321,9 +321,9 @@ impl Dataset for Bop {
         let mut reading = Reading::new(Layout::Bop, "cam_R_m2c, cam_t_m2c");
         let shots = &self.shots[object];
         for shot in chosen(shots.len(), which).into_iter().map(|i| &shots[i]) {
-            let picture = shot.picture(&self.source);
-            reading.add(&shot.name, picture, options, move |picture, opened| {
-                shot.read(opened, picture, options)
+            let image = shot.image(&self.source);
+            reading.add(&shot.name, image, options, move |image, opened| {
+                shot.read(opened, image, options)
             })?;
         }
         read_pending(&self.catalog.root, &self.source, reading, options, progress)

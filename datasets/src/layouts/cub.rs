@@ -35,7 +35,7 @@ const PARTS: usize = 15;
 #[derive(Debug)]
 pub struct Cub {
     catalog: Catalog,
-    pictures: Source,
+    images: Source,
     annotations: Vec<CubAnnotation>,
     /// The splits' files, which hold the masks, one bit a pixel.
     files: Vec<(PathBuf, Mat)>,
@@ -147,17 +147,17 @@ impl CubAnnotation {
         opened: &mut Opened<'_>,
         options: &ReadOptions,
     ) -> Result<View, ReadViewsError> {
-        let picture = read_image_file(opened, &self.image, "picture")?;
+        let image = read_image_file(opened, &self.image, "image")?;
         let (array, height, width) = mask.table()?;
         let camera = self.camera(width, height);
-        let camera = fitted(camera, &picture, &self.pose_file, &self.pose_field)?;
+        let camera = fitted(camera, &image, &self.pose_file, &self.pose_field)?;
         let mask = options.reads_mask_files().then(|| {
             let inside = |i: usize, j: usize| array.at(j * height + i) > 0.0;
             let data = (0..height).flat_map(|i| (0..width).map(move |j| (i, j)));
             let data = data.map(|(i, j)| if inside(i, j) { 255 } else { 0 }).collect();
             (mask.file().to_owned(), ByteImage { height, width, channels: 1, data })
         });
-        assemble(name.to_owned(), picture, mask.into(), camera, None, options)
+        assemble(name.to_owned(), image, mask.into(), camera, None, options)
     }
 }
 
@@ -200,7 +200,7 @@ fn annotations_of(split: &str) -> String {
 }
 
 /// The folder of images, near the path or around the cache; where it should be if it is nowhere.
-fn pictures(path: &Path, cache: &Path) -> PathBuf {
+fn images(path: &Path, cache: &Path) -> PathBuf {
     let around = [path].into_iter().chain(cache.ancestors().take(4));
     let mut places = around.flat_map(|base| PICTURES.iter().map(|inner| base.join(inner)));
     places.find(|place| place.is_dir()).unwrap_or_else(|| path.join(PICTURES[0]))
@@ -233,7 +233,7 @@ impl Cub {
         };
         let mut out = Self {
             catalog: Catalog::new(Layout::Cub, path),
-            pictures: Source::folder(&pictures(path, &cache)),
+            images: Source::folder(&images(path, &cache)),
             annotations: Vec::new(),
             files: Vec::new(),
             mean_shape: None,
@@ -322,7 +322,7 @@ impl Dataset for Cub {
         let (annotation, name) =
             (&self.annotations[object], self.catalog.entries[object].name.as_str());
         let (file, mat) = &self.files[annotation.place.0];
-        let album = Album { catalog: &self.catalog, source: &self.pictures, poses: "sfm_anno" };
+        let album = Album { catalog: &self.catalog, source: &self.images, poses: "sfm_anno" };
         album.read_single((name, &annotation.image), which, options, progress, |opened| {
             let image = mat.need("images", file)?.element(annotation.place.1)?;
             annotation.read(name, &image.need("mask")?, opened, options)

@@ -110,33 +110,33 @@ fn read_view(
 ) -> Result<View, ReadViewsError> {
     let source = opened.source();
     let name = format!("{stem}{COLOR}");
-    let picture = read_image_file(opened, &name, "picture")?;
-    let camera = read_camera(opened, stem, &picture)?;
+    let image = read_image_file(opened, &name, "image")?;
+    let camera = read_camera(opened, stem, &image)?;
     let mask = format!("{stem}{MASK}");
     let mask = if options.reads_mask_files() && source.has(&mask) {
-        Some((source.locate(&mask), read_mask(opened, &mask, &picture.image)?))
+        Some((source.locate(&mask), read_mask(opened, &mask, &image.pixels)?))
     } else {
         None
     };
     let depths = ["_depth.exr", "_depth_linear.npy"].map(|end| format!("{stem}{end}"));
-    let depth = depth::read(opened, &depths, 1.0, &picture.image, options)?;
-    assemble(stem.to_owned(), picture, mask.into(), camera, depth, options)
+    let depth = depth::read(opened, &depths, 1.0, &image.pixels, options)?;
+    assemble(stem.to_owned(), image, mask.into(), camera, depth, options)
 }
 
 fn read_camera(
     opened: &mut Opened<'_>,
     stem: &str,
-    picture: &ImageFile,
+    image: &ImageFile,
 ) -> Result<Camera, ReadViewsError> {
     let name = format!("{stem}{CAMERA}");
     let path = opened.source().locate(&name);
     let value = parse(&opened.read(&name, "camera", METADATA_BYTES)?, &path)?;
     let camera = Node::root(&value, &path).need("camera_properties")?;
-    let (width, height) = (picture.image.width, picture.image.height);
+    let (width, height) = (image.pixels.width, image.pixels.height);
     if let Some(resolution) = camera.get("resolution") {
         let (w, h) = (resolution.need("width")?.pixels()?, resolution.need("height")?.pixels()?);
         // Resampled images keep their metadata; the lens fits as long as the shape does.
-        check_shape([w, h], picture, &path, resolution.field)?;
+        check_shape([w, h], image, &path, resolution.field)?;
     }
     let tf_mat = camera.need("tf_mat")?;
     let matrix = tf_mat.matrix()?;
@@ -163,10 +163,10 @@ fn read_camera(
 fn read_mask(
     opened: &mut Opened<'_>,
     name: &str,
-    picture: &ByteImage,
+    image: &ByteImage,
 ) -> Result<ByteImage, ReadViewsError> {
-    let (height, width) = (picture.height, picture.width);
-    let array = depth::read_npy(opened, name, "mask", picture)?;
+    let (height, width) = (image.height, image.width);
+    let array = depth::read_npy(opened, name, "mask", image)?;
     let data = array.iter().map(|&label| if label > 0.0 { 255 } else { 0 }).collect();
     Ok(ByteImage { height, width, channels: 1, data })
 }

@@ -145,12 +145,12 @@ impl McmrAnnotation {
         opened: &mut Opened<'_>,
         options: &ReadOptions,
     ) -> Result<View, ReadViewsError> {
-        let picture = read_image_file(opened, &self.image, "picture")?;
+        let image = read_image_file(opened, &self.image, "image")?;
         let field = "intrinsic, extrinsic";
         let camera = self.camera().map_err(ReadViewsError::camera(&self.file, field))?;
-        let camera = fitted(camera, &picture, &self.file, field)?;
+        let camera = fitted(camera, &image, &self.file, field)?;
         let mask = named_mask(opened, &self.mask, options)?;
-        assemble(name.to_owned(), picture, mask, camera, None, options)
+        assemble(name.to_owned(), image, mask, camera, None, options)
     }
 }
 

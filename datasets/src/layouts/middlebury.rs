@@ -126,12 +126,12 @@ impl Shot {
         file: &Path,
         options: &ReadOptions,
     ) -> Result<View, ReadViewsError> {
-        let picture = read_image_file(opened, &self.image, "image")?;
-        let (camera, skew) = self.camera(picture.image.width, picture.image.height, file)?;
+        let image = read_image_file(opened, &self.image, "image")?;
+        let (camera, skew) = self.camera(image.pixels.width, image.pixels.height, file)?;
         let stem = without_extension(&self.image);
         let masks = mask_names("masks", &self.image);
         let mask = mask_file(opened, &masks, options)?;
-        let view = assemble(stem.to_owned(), picture, mask, camera, None, options)?;
+        let view = assemble(stem.to_owned(), image, mask, camera, None, options)?;
         straightened(view, skew.as_ref(), options, (file, &format!("{}, camera", self.field)))
     }
 }

@@ -133,9 +133,9 @@ impl Viewpoint {
 
 impl Pascal3dAnnotation {
     /// The camera of the image, of which the record may leave the size open.
-    fn camera(&self, picture: &ImageFile) -> Result<Camera, ReadViewsError> {
-        let [w, h] = self.size.unwrap_or([picture.image.width, picture.image.height]);
-        fitted(self.viewpoint.camera(w, h), picture, &self.file, &self.field)
+    fn camera(&self, image: &ImageFile) -> Result<Camera, ReadViewsError> {
+        let [w, h] = self.size.unwrap_or([image.pixels.width, image.pixels.height]);
+        fitted(self.viewpoint.camera(w, h), image, &self.file, &self.field)
     }
 
     fn read(
@@ -144,11 +144,11 @@ impl Pascal3dAnnotation {
         opened: &mut Opened<'_>,
         options: &ReadOptions,
     ) -> Result<View, ReadViewsError> {
-        let picture = read_image_file(opened, &self.image, "picture")?;
-        let camera = self.camera(&picture)?;
+        let image = read_image_file(opened, &self.image, "image")?;
+        let camera = self.camera(&image)?;
         let wanted = options.reads_mask_files();
         let mask = wanted.then(|| self.mask(opened)).transpose()?;
-        assemble(name.to_owned(), picture, mask.into(), camera, None, options)
+        assemble(name.to_owned(), image, mask.into(), camera, None, options)
     }
 
     /// The object's own colour in VOC's image of objects.
@@ -164,14 +164,14 @@ impl Pascal3dAnnotation {
             return Err(ReadViewsError::field(at, "mask", "none in Pascal3D+", expected));
         };
         let objects = read_image_file(opened, &mask, "mask")?;
-        let (c, color) = (objects.image.channels, voc_color(self.place + 1));
-        let data = objects.image.data.chunks_exact(c).map(|pixel| match pixel {
+        let (c, color) = (objects.pixels.channels, voc_color(self.place + 1));
+        let data = objects.pixels.data.chunks_exact(c).map(|pixel| match pixel {
             // An index that a tool has written as grey.
             [gray] | [gray, _] => usize::from(*gray) == self.place + 1,
             _ => pixel[..3] == color,
         });
         let data = data.map(|inside| if inside { 255 } else { 0 }).collect();
-        let (height, width) = (objects.image.height, objects.image.width);
+        let (height, width) = (objects.pixels.height, objects.pixels.width);
         Ok((objects.path, ByteImage { height, width, channels: 1, data }))
     }
 }

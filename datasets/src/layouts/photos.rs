@@ -159,17 +159,16 @@ impl Shot {
 
     fn read(&self, opened: &mut Opened<'_>, options: &ReadOptions) -> Result<View, ReadViewsError> {
         let source = opened.source();
-        let picture = read_image_file(opened, &self.image, "picture")?;
+        let image = read_image_file(opened, &self.image, "image")?;
         let field = format!("{}.width, height", self.field);
-        let camera =
-            camera_of_size(self.camera.clone(), &picture, &source.locate(CAMERAS), &field)?;
+        let camera = camera_of_size(self.camera.clone(), &image, &source.locate(CAMERAS), &field)?;
         if let [mask] = self.masks.as_slice() {
             source.need(mask, || format!("field `{}.mask` of {CAMERAS} names it", self.field))?;
         }
         let mask = mask_file(opened, &self.masks, options)?;
-        let depth = depth::read(opened, self.depth.as_slice(), 1.0, &picture.image, options)?;
+        let depth = depth::read(opened, self.depth.as_slice(), 1.0, &image.pixels, options)?;
         let name = without_extension(&self.image).to_owned();
-        assemble(name, picture, mask, camera, depth, options)
+        assemble(name, image, mask, camera, depth, options)
     }
 }
 

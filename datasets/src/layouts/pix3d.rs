@@ -130,11 +130,11 @@ impl Pix3dAnnotation {
     }
 
     fn read(&self, opened: &mut Opened<'_>, options: &ReadOptions) -> Result<View, ReadViewsError> {
-        let picture = read_image_file(opened, &self.image, "picture")?;
+        let image = read_image_file(opened, &self.image, "image")?;
         let field = format!("{}.rot_mat, trans_mat, focal_length", self.field);
-        let camera = fitted(self.camera(), &picture, &self.file, &field)?;
+        let camera = fitted(self.camera(), &image, &self.file, &field)?;
         let mask = named_mask(opened, &self.mask, options)?;
-        assemble(self.image.clone(), picture, mask, camera, None, options)
+        assemble(self.image.clone(), image, mask, camera, None, options)
     }
 }
 

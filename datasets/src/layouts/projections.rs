@@ -62,8 +62,8 @@ pub(crate) fn recognises(
     if has(&"projections.txt") {
         return Ok(Some(Matrices::Text("projections.txt".to_owned())));
     }
-    let pictures = first_images(source, &IMAGES)?;
-    let Some(first) = pictures.first() else { return Ok(None) };
+    let images = first_images(source, &IMAGES)?;
+    let Some(first) = images.first() else { return Ok(None) };
     let stem = plain_stem(first);
     if source.has(&format!("txt/{stem}.txt")) {
         return Ok(Some(Matrices::Pmvs));
@@ -80,12 +80,12 @@ pub(crate) fn list<'a>(
     options: &'a ReadOptions,
     matrices: &Matrices,
 ) -> Result<Reading<'a>, ReadViewsError> {
-    let pictures = first_images(source, &IMAGES)?;
-    let masks = masks(source, &pictures)?;
-    let (matrices, first_pixel, places) = read(source, matrices, &pictures)?;
-    if matrices.len() != pictures.len() {
+    let images = first_images(source, &IMAGES)?;
+    let masks = masks(source, &images)?;
+    let (matrices, first_pixel, places) = read(source, matrices, &images)?;
+    if matrices.len() != images.len() {
         let found = format!("{} matrices", matrices.len());
-        let expected = format!("{}, as many as there are images", pictures.len());
+        let expected = format!("{}, as many as there are images", images.len());
         return Err(ReadViewsError::field(&places[0].0, "matrices", found, expected));
     }
     // Whether a matrix is a camera's does not depend on the size of its image.
@@ -99,18 +99,17 @@ pub(crate) fn list<'a>(
     }
     let mut reading = Reading::new(Layout::Projections, "projection matrices");
     reading.warnings.extend(lenses.sentence());
-    let views = pictures.into_iter().zip(masks).zip(matrices).zip(places);
+    let views = images.into_iter().zip(masks).zip(matrices).zip(places);
     for (((name, masks), p), (file, field)) in views {
         let p = from_corner(p, 0.5 - first_pixel);
         reading.pending.push(Box::new(move |opened| {
-            let picture = read_image_file(opened, &name, "picture")?;
-            let (width, height) = (picture.image.width, picture.image.height);
+            let image = read_image_file(opened, &name, "image")?;
+            let (width, height) = (image.pixels.width, image.pixels.height);
             let (camera, skew) = Camera::from_projection_matrix(p, width, height)
                 .and_then(|(camera, skew)| camera.validate().map(|()| (camera, skew)))
                 .map_err(ReadViewsError::camera(&file, field.clone()))?;
             let mask = mask_file(opened, &masks, options)?;
-            let view =
-                assemble(plain_stem(&name).to_owned(), picture, mask, camera, None, options)?;
+            let view = assemble(plain_stem(&name).to_owned(), image, mask, camera, None, options)?;
             straightened(view, skew.as_ref(), options, (&file, &field))
         }));
     }
@@ -138,13 +137,13 @@ fn first_images(source: &Source, folders: &[&str]) -> Result<Vec<String>, ReadVi
 }
 
 /// For each image the masks that may be its own.
-fn masks(source: &Source, pictures: &[String]) -> Result<Vec<Vec<String>>, ReadViewsError> {
+fn masks(source: &Source, images: &[String]) -> Result<Vec<Vec<String>>, ReadViewsError> {
     let found = first_images(source, &MASKS)?;
-    let same = |picture: &String| found.iter().find(|mask| plain_stem(mask) == plain_stem(picture));
-    let by_name: Vec<Option<&String>> = pictures.iter().map(same).collect();
-    let in_order = by_name.iter().all(Option::is_none) && found.len() == pictures.len();
+    let same = |image: &String| found.iter().find(|mask| plain_stem(mask) == plain_stem(image));
+    let by_name: Vec<Option<&String>> = images.iter().map(same).collect();
+    let in_order = by_name.iter().all(Option::is_none) && found.len() == images.len();
     let of = |k: usize| if in_order { found.get(k) } else { by_name[k] };
-    Ok((0..pictures.len()).map(|k| of(k).into_iter().cloned().collect()).collect())
+    Ok((0..images.len()).map(|k| of(k).into_iter().cloned().collect()).collect())
 }
 
 /// A file, and where in it a matrix stands.
@@ -154,7 +153,7 @@ type Place = (std::path::PathBuf, String);
 fn read(
     source: &Source,
     matrices: &Matrices,
-    pictures: &[String],
+    images: &[String],
 ) -> Result<(Vec<Matrix>, f64, Vec<Place>), ReadViewsError> {
     let mut opened = source.open()?;
     let (first_pixel, found) = match matrices {
@@ -171,9 +170,9 @@ fn read(
             (1.0, cells(&opened.read(name, "cameras", BYTES)?, &path)?)
         }
         Matrices::Pmvs => {
-            let mut all = Vec::with_capacity(pictures.len());
-            for picture in pictures {
-                let name = format!("txt/{}.txt", plain_stem(picture));
+            let mut all = Vec::with_capacity(images.len());
+            for image in images {
+                let name = format!("txt/{}.txt", plain_stem(image));
                 let path = source.locate(&name);
                 match text(&opened.read(&name, "camera", ENTRY_BYTES)?, &path)?.as_slice() {
                     [one] => all.push(one.clone()),

@@ -82,8 +82,10 @@ impl SingleObject {
         if options.masks.is_some() {
             return None;
         }
-        // Bars are counted in the pixels of the files, which is where masks are made of them.
+        // Bars are counted in the pixels of the files, which is where masks are made of them; the backdrop is that of all images, also
+        // where only some are wanted.
         let whole = ReadOptions {
+            only: None,
             mask: MaskSource::Whole,
             masks: None,
             depth: false,

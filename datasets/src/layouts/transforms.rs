@@ -263,8 +263,8 @@ impl Frame {
         image: &str,
         options: &ReadOptions,
     ) -> Result<View, ReadViewsError> {
-        let picture = read_image_file(opened, image, "picture")?;
-        let camera = self.camera(&picture)?;
+        let image = read_image_file(opened, image, "image")?;
+        let camera = self.camera(&image)?;
         let mask = match &self.mask {
             Some(name) if options.reads_mask_files() => {
                 opened.source().need(name, || {
@@ -275,16 +275,16 @@ impl Frame {
             _ => mask_file(opened, &mask_names("masks", &self.image), options)?,
         };
         let depth =
-            depth::read(opened, self.depth.as_slice(), self.depth_unit, &picture.image, options)?;
-        let view = assemble(self.name.clone(), picture, mask, camera, depth, options)?;
+            depth::read(opened, self.depth.as_slice(), self.depth_unit, &image.pixels, options)?;
+        let view = assemble(self.name.clone(), image, mask, camera, depth, options)?;
         let field = format!("{}: k1, k2, ..", self.field);
         straightened(view, self.distortion.as_ref(), options, (&self.file, &field))
     }
 
     /// The camera for an image of this size.
-    fn camera(&self, picture: &ImageFile) -> Result<Camera, ReadViewsError> {
-        let w = self.size[0].unwrap_or(picture.image.width);
-        let h = self.size[1].unwrap_or(picture.image.height);
+    fn camera(&self, image: &ImageFile) -> Result<Camera, ReadViewsError> {
+        let w = self.size[0].unwrap_or(image.pixels.width);
+        let h = self.size[1].unwrap_or(image.pixels.height);
         let (fx, fy) = match self.focal {
             Focal::Pixels(fx, fy) => (fx, fy.unwrap_or(fx)),
             Focal::Angle(x, y) => {
@@ -298,7 +298,7 @@ impl Frame {
         let field = format!("{}.transform_matrix", self.field);
         camera.validate().map_err(ReadViewsError::camera(&self.file, field))?;
         // Images are often smaller than what the poses were found with.
-        camera_of_size(camera, picture, &self.file, &format!("{}.w, h", self.field))
+        camera_of_size(camera, image, &self.file, &format!("{}.w, h", self.field))
     }
 }
 

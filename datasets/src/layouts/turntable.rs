@@ -1,9 +1,8 @@
 //! Photographs of an object on a turntable, whose cameras follow from how they were taken.
 
-use mesh_core::Camera;
+use mesh_core::{Camera, counted};
 
 use crate::assemble::{assemble, images_in, read_image_file, without_extension};
-use crate::counted::counted;
 use crate::error::ReadViewsError;
 use crate::mask_file::{mask_file, mask_names};
 use crate::options::{ReadOptions, Turntable};
@@ -45,13 +44,13 @@ pub(crate) fn list<'a>(
         .enumerate()
         .map(|(index, name)| -> Pending<'a> {
             Box::new(move |opened| {
-                let picture = read_image_file(opened, &name, "picture")?;
-                let (width, height) = (picture.image.width, picture.image.height);
+                let image = read_image_file(opened, &name, "image")?;
+                let (width, height) = (image.pixels.width, image.pixels.height);
                 let camera = table.camera(index, width, height);
                 let stem = without_extension(&name);
                 let masks = mask_names("masks", &name);
                 let mask = mask_file(opened, &masks, options)?;
-                assemble(stem.to_owned(), picture, mask, camera, None, options)
+                assemble(stem.to_owned(), image, mask, camera, None, options)
             })
         })
         .collect();

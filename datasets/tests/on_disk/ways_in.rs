@@ -105,8 +105,8 @@ fn a_busy_background_is_refused_by_name() {
 
 #[test]
 fn bars_are_found_in_the_pixels_of_the_files() {
-    let [folder, _masks] = with_masks_apart(4, |i| format!("{i:04}.png"));
-    let written = ball(4);
+    let [folder, _masks] = with_masks_apart(10, |i| format!("{i:04}.png"));
+    let written = ball(10);
     for (i, view) in written.iter().enumerate() {
         let mut image = view.color.clone();
         let (width, height) = (image.width, image.height);
@@ -131,6 +131,10 @@ fn bars_are_found_in_the_pixels_of_the_files() {
         assert!((share(whole) - share(view)).abs() < 0.03, "{}", share(whole));
         assert!((share(small) - share(view)).abs() < 0.05, "{}", share(small));
     }
+    // Not one of those that are looked at for bars.
+    let only = Some(vec!["0003".to_owned()]);
+    let one = read_with(folder.path(), &ReadOptions { mask, only, ..ReadOptions::default() });
+    assert!(one.unwrap().views[0].mask == whole.views[3].mask);
 }
 
 #[test]

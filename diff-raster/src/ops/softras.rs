@@ -51,7 +51,7 @@ pub enum Paint<'t, F: Real = f32> {
 /// ```
 ///
 /// # Shapes
-/// `projected [N, V, 3]` as for [`rasterize`](crate::rasterize); paint of C channels, or none → `[N, H, W, C + 1]`, alpha last.
+/// `projected [N, V, 3]` as for [`rasterize`](crate::rasterize()); paint of C channels, or none → `[N, H, W, C + 1]`, alpha last.
 /// # Gradient
 /// To all coordinates of `projected` and to the paint. Kinks where the nearest edge of a pixel or the
 /// corner of a face that it is beyond changes; jumps of `least` where a face's reach ends.

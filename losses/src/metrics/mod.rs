@@ -4,7 +4,7 @@
 //! - masks: [`mask_iou`], [`mask_iou_by`] a published or a strict [`MaskRule`]
 //! - depth maps: [`depth_error`]
 //! - cameras: [`rotation_angle`], and [`symmetric_rotation_angle`] modulo the [`turns`] of an object
-//! - features of a network, run elsewhere: [`frechet`] (the FID), [`feature_distance`] (MCMR's figure of that name)
+//! - features of a network, run elsewhere: [`frechet`](frechet()) (the FID), [`feature_distance`] (MCMR's figure of that name)
 //! - point sets: [`point_distances`] and what follows from them ([`PointDistances`])
 //! - meshes: [`evaluate`] under a published [`Protocol`]; [`voxel_iou`], [`mcmr_iou`]; [`FrameMismatch`], where they lie apart
 //!

@@ -44,7 +44,7 @@ pub enum ImageError {
         /// Bytes in the file.
         length: u64,
     },
-    /// The header claims more than the [`Limits`](crate::Limits) allow.
+    /// The header claims more than the [`Limits`] allow.
     #[error(
         "{}: the header claims {width} x {height} pixels{}, the limit is {max_pixels} pixels of 4 bytes: make the image smaller",
         path.display(),

@@ -72,8 +72,8 @@ impl fmt::Display for Remark {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::ShortFaces { count, line } => {
-                let faces = plural(*count, "face", "faces");
-                write!(f, "{count} {faces} of fewer than three corners left out")?;
+                let faces = crate::counted(*count, "face");
+                write!(f, "{faces} of fewer than three corners left out")?;
                 line.map_or(Ok(()), |line| write!(f, " (the first in line {line})"))
             }
             Self::RepeatedVertices { count } => {
@@ -89,8 +89,8 @@ impl fmt::Display for Remark {
                 if *others > 0 { write!(f, " (and {others} more)") } else { Ok(()) }
             }
             Self::OtherTextures { count } => {
-                let parts = plural(*count, "part", "parts");
-                write!(f, "a mesh holds one texture: that of {count} other {parts} left out")
+                let parts = crate::counted(*count, "other part");
+                write!(f, "a mesh holds one texture: that of {parts} left out")
             }
             Self::Lines { count } => {
                 let parts = plural(*count, "part that consists", "parts that consist");

@@ -44,7 +44,7 @@ pub fn icosphere(level: u32) -> TriMesh {
 
 /// Midpoint subdivision of a mesh on the unit sphere, the new vertices pushed out onto it.
 ///
-/// Carries over neither colours nor texture; [`subdivide`](crate::subdivide) does.
+/// Carries over neither colours nor texture; [`subdivide`](crate::subdivide()) does.
 ///
 /// # Panics
 /// If a face names a vertex that does not exist, or if the result does not fit in `u32`.

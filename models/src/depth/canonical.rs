@@ -132,7 +132,7 @@ mod tests {
     use mesh_core::ByteImage;
     use mesh_core::nalgebra::Translation3;
     use mesh_core::primitives::icosphere;
-    use synth::{RenderOptions, render_views};
+    use synth::{RenderOptions, render_view};
 
     use super::*;
 
@@ -153,7 +153,7 @@ mod tests {
         };
         let ball = icosphere(3).scaled([0.5 * unit as f32; 3]);
         let options = RenderOptions { depth: true, ..RenderOptions::default() };
-        render_views(&ball, &[camera], &options, &|_, _| ()).unwrap().remove(0)
+        render_view(&ball, &camera, &options).unwrap()
     }
 
     /// Each pixel's measured point is where it was after both ways, in any unit, lens and format.
@@ -199,7 +199,7 @@ mod tests {
         let camera = Camera::from_r2n2(30.0, 27.5, 0.8, 64, 64);
         let options = RenderOptions { depth: true, ..RenderOptions::default() };
         let ball = icosphere(3).scaled([0.4; 3]);
-        let view = render_views(&ball, &[camera], &options, &|_, _| ()).unwrap().remove(0);
+        let view = render_view(&ball, &camera, &options).unwrap();
         assert!(Canonical::of(&view, 1.0).is_none());
         // The same objects in other units are others.
         assert!(Canonical::of(&view, 0.01).is_some());

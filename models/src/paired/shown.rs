@@ -1,8 +1,7 @@
 //! A prediction above the image that it was made from.
 
 use mesh_core::{ByteImage, Camera, TriMesh};
-use recon::evaluate::seen_from;
-use synth::{Lighting, RenderOptions};
+use synth::{RenderOptions, render_view};
 use train::report::ViewPair;
 
 use super::input_image::InputImage;
@@ -20,9 +19,7 @@ pub(crate) fn mesh_above_image(image: &InputImage, mesh: &TriMesh, caption: Stri
 
 /// A mesh lit before white; white alone where it is no mesh.
 pub(crate) fn in_studio(mesh: &TriMesh, camera: &Camera) -> ByteImage {
-    let lighting = Lighting::studio();
-    let options = RenderOptions { background: [1.0; 3], lighting, ..RenderOptions::default() };
-    seen_from(mesh, camera, &options).map_or_else(
+    render_view(mesh, camera, &RenderOptions::studio()).map_or_else(
         |_| {
             let mut blank = ByteImage::new(camera.height, camera.width, 3);
             blank.data.fill(255);

@@ -3,8 +3,7 @@
 use autodiff_lite::Tape;
 use mesh_core::{Camera, TriMesh, iou};
 use ode_deform::solve::{SolveError, Stats};
-use recon::evaluate::seen_from;
-use synth::RenderOptions;
+use synth::{RenderOptions, render_view};
 use train::{DataError, Terms};
 
 use super::config::CameraSource;
@@ -141,7 +140,7 @@ impl<D: Deformer> SingleView<D> {
 
 /// Intersection over union of what a camera sees of a mesh of the world and the image's mask; 0 where it is no mesh.
 pub(super) fn overlap(image: &InputImage, mesh: &TriMesh, camera: &Camera) -> f64 {
-    let Ok(seen) = seen_from(mesh, camera, &RenderOptions::default()) else { return 0.0 };
+    let Ok(seen) = render_view(mesh, camera, &RenderOptions::default()) else { return 0.0 };
     let pixels = seen.mask.data.iter().zip(&image.mask);
     iou(pixels.map(|(&a, &b)| (a >= 128, b >= 128))).unwrap_or(0.0)
 }

@@ -12,7 +12,7 @@ use recon::evaluate::ViewScores;
 use recon::scene::scene_of;
 use serde::Serialize;
 use train::output::{OutputError, OutputFolder};
-use train::report::{Figure, Report, Table, ViewPair};
+use train::report::{Figure, Report, Table, ViewPair, counted};
 
 use super::input::PredictInput;
 use super::judgement::Judgement;
@@ -276,8 +276,4 @@ fn score_table(title: &str, scores: &ViewScores) -> Table {
         ]);
     }
     Table::new(title, rows)
-}
-
-fn counted(count: usize, noun: &str) -> String {
-    if count == 1 { format!("one {noun}") } else { format!("{count} {noun}s") }
 }

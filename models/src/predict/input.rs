@@ -92,7 +92,9 @@ impl PredictInput {
             read_views(request.path, &lenient, request.progress).map_err(DataError::read)?;
         let mut input = Self::part(views, request.choice)?;
         if let Some(path) = request.score {
-            let score = read_views(path, &lenient, request.progress).map_err(DataError::read)?;
+            // The list of names is of the views that are given.
+            let others = ReadOptions { only: None, ..lenient };
+            let score = read_views(path, &others, request.progress).map_err(DataError::read)?;
             input.others.extend(score.views);
             input.warnings.extend(score.warnings);
         }

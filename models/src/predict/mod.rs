@@ -1,7 +1,7 @@
 //! What was trained, applied to a user's files: from views on disk to the folder that a user keeps.
 //!
 //! A [`Predictor`] says how files become its input, and makes of the [`PredictInput`] that was read a [`Prediction`];
-//! [`deliver`] scores it at the cameras that were given and at those that were not, and writes meshes, turntable,
+//! [`deliver`](deliver()) scores it at the cameras that were given and at those that were not, and writes meshes, turntable,
 //! report and figures. A [`Familiarity`] says how far the input is from what was trained on. [`refined`] moves the mesh until it agrees with the given views. [`milliseconds`] takes the time, for those who ask.
 //!
 //! ```no_run

@@ -6,10 +6,10 @@ use std::sync::Mutex;
 use datasets::View;
 use diff_raster::FacesError;
 use mesh_core::{ByteImage, Camera, TriMesh};
-use synth::{Lighting, RenderOptions};
+use synth::{Lighting, RenderOptions, render_view};
 use train::report::ViewPair;
 
-use crate::evaluate::{ViewScores, score_views_by, seen_from};
+use crate::evaluate::{ViewScores, score_views_by};
 
 /// Views shown in the report; more make it long, not clearer.
 const MOST_VIEWS: usize = 15;
@@ -62,7 +62,7 @@ fn shown_from(mesh: &TriMesh, camera: &Camera, scored: ByteImage) -> ByteImage {
         return scored;
     }
     let options = RenderOptions { lighting, ..RenderOptions::default() };
-    seen_from(mesh, camera, &options).map_or(scored, |view| view.color)
+    render_view(mesh, camera, &options).map_or(scored, |view| view.color)
 }
 
 /// Render and photograph around the object: a square with a margin, at most so wide.

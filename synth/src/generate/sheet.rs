@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::config::GenerateConfig;
 use super::object::Job;
-use crate::{Lighting, RenderOptions, render_views};
+use crate::{Lighting, RenderOptions, render_view};
 
 /// Objects of a category that are shown.
 const COLUMNS: usize = 8;
@@ -66,5 +66,5 @@ fn tile(config: &GenerateConfig, job: &Job<'_>) -> Result<ByteImage, FacesError>
         background: BACKDROP,
         ..RenderOptions::default()
     };
-    Ok(render_views(&mesh, &[camera], &options, &|_, _| {})?.remove(0).color)
+    Ok(render_view(&mesh, &camera, &options)?.color)
 }

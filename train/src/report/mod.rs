@@ -4,12 +4,11 @@
 //! charts, figures and the command that made it. It loads nothing, so it can be mailed or archived.
 
 mod chart;
-mod counted;
 mod scene;
 mod sheet;
 
 pub use chart::{Chart, Series};
-pub use counted::counted;
+pub use mesh_core::counted;
 pub use scene::Scene;
 pub use sheet::sheet;
 

@@ -10,7 +10,7 @@ use super::{Finish, Joined, Matrix};
 /// What is done with a part of a row, given its row and first column.
 type Then<'a, F> = &'a (dyn Fn(&mut [F], [usize; 2]) + Sync);
 
-/// As [`gemm_joined`](super::gemm_joined), of sizes and matrices that fit, one product after the other.
+/// As [`gemm_joined`](crate::kernels::product::gemm_joined), of sizes and matrices that fit, one product after the other.
 pub(super) fn multiply<F: Lane>(
     joined: Joined,
     sizes: [usize; 3],

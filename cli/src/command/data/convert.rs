@@ -1,7 +1,7 @@
 //! `unsphere data convert`: a dataset in another layout.
 
 use std::fmt::Write as _;
-use std::path::Path;
+use std::path::{Component, Path, PathBuf};
 
 use datasets::r2n2::{Rendering, Splits, write_object, write_splits};
 use datasets::{ColmapForm, Entry, ReadOptions, Truth, View, WriteViewsError};
@@ -35,6 +35,11 @@ pub(crate) fn run(console: Console, arguments: &Convert) -> Result<(), Failure> 
     let options = ReadOptions { depth: true, ..arguments.reading.options() };
     let dataset = datasets::open_with(&arguments.from, &options)?;
     let entries = dataset.entries();
+    // Those of one object come with its views.
+    let warnings = if entries.len() > 1 { dataset.warnings() } else { &[] };
+    for warning in warnings {
+        console.warn(warning);
+    }
     let chosen: Vec<usize> = match &options.object {
         Some(name) => vec![datasets::choose(&arguments.from, entries, Some(name))?],
         None => (0..entries.len()).collect(),
@@ -63,7 +68,7 @@ pub(crate) fn run(console: Console, arguments: &Convert) -> Result<(), Failure> 
         let place = if chosen.len() == 1 {
             folder.path().to_owned()
         } else {
-            folder.path().join(&entry.category).join(&entry.name)
+            place_of(entry, folder.path())?
         };
         write(&views.views, &place, arguments.layout)
             .map_err(|error| refusal(&error, &folder, &arguments.to))?;
@@ -99,6 +104,16 @@ fn write(views: &[View], folder: &Path, layout: WrittenLayout) -> Result<(), Wri
     }
 }
 
+/// The folder of one object of many: below the root, whatever the files of a dataset call it.
+fn place_of(entry: &Entry, root: &Path) -> Result<PathBuf, Failure> {
+    let name = entry.full_name();
+    let is_below = Path::new(&name).components().all(|part| matches!(part, Component::Normal(_)));
+    if is_below {
+        return Ok(root.join(name));
+    }
+    Err(Failure::Input(format!("object {name:?}: no name of a folder")))
+}
+
 /// The category as a folder's name, of which an object alone has none.
 fn synset_of(entry: &Entry) -> &str {
     if entry.category.is_empty() { "00000000" } else { &entry.category }
@@ -122,4 +137,27 @@ fn refusal(error: &WriteViewsError, folder: &OutputFolder, target: &Path) -> Fai
         .strip_prefix(folder.path())
         .map_or_else(|_| error.path.clone(), |rest| target.join(rest));
     Failure::Other(format!("{}: cannot be written: {}", path.display(), error.source))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn objects_stay_below_the_folder_whatever_they_are_called() {
+        let place = |category: &str, name: &str| {
+            let (category, name) = (category.to_owned(), name.to_owned());
+            place_of(&Entry { category, name, ..Entry::default() }, Path::new("out"))
+        };
+        for (category, name, wanted) in [
+            ("chair", "a/b", "out/chair/a/b"),
+            ("", "a", "out/a"),
+            ("chair", "/etc", "out/chair/etc"),
+        ] {
+            assert_eq!(place(category, name).ok().as_deref(), Some(Path::new(wanted)));
+        }
+        for (category, name) in [("/etc", "a"), ("chair", "../../a"), ("..", "a"), ("", "/a")] {
+            assert!(place(category, name).is_err(), "{category}, {name}");
+        }
+    }
 }

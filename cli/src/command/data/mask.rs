@@ -1,5 +1,6 @@
 //! `unsphere data mask`: what in each view is the object.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -52,10 +53,10 @@ pub(crate) fn run(console: Console, arguments: &Mask) -> Result<(), Failure> {
     // Nothing is kept of what is not finished.
     let _interrupt = Interrupt::listen(Some(folder.unfinished()))?;
     let (mut views, named) = views(console, arguments)?;
+    let files = files(&views, named)?;
     let made = masks::make(console, &arguments.source, &mut views, named.is_some())?;
     let mut shares = Vec::new();
-    for view in &views {
-        let file = file_of(&view.name, named);
+    for (view, file) in views.iter().zip(files) {
         let path = folder.path().join(&file);
         disk::make_folders(path.parent().unwrap_or_else(|| folder.path()))
             .map_err(Failure::other)?;
@@ -148,6 +149,25 @@ pub(crate) fn photographs(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
     Ok(paths)
 }
 
+/// The files of the views' masks.
+///
+/// # Errors
+/// If two would be one.
+fn files(views: &[View], layout: Option<Layout>) -> Result<Vec<String>, Failure> {
+    let mut seen = BTreeMap::new();
+    let one = |view: &View| {
+        let file = file_of(&view.name, layout);
+        match seen.insert(file.clone(), view.name.clone()) {
+            None => Ok(file),
+            Some(first) => {
+                let both = format!("views {first} and {}", view.name);
+                Err(Failure::Input(format!("{both} would both have the mask {file}")))
+            }
+        }
+    };
+    views.iter().map(one).collect()
+}
+
 /// The file of a view's mask, as `--masks` looks for it.
 fn file_of(name: &str, layout: Option<Layout>) -> String {
     if let Some(Layout::KaolinFolder | Layout::KaolinZip) = layout {
@@ -161,6 +181,22 @@ fn file_of(name: &str, layout: Option<Layout>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn no_mask_takes_the_place_of_another() {
+        let view = |name: &str| {
+            let (color, mask) = (ByteImage::new(2, 2, 3), ByteImage::new(2, 2, 1));
+            let camera = Camera::look_at([0.0, 0.0, 1.0], [0.0; 3], [0.0, 1.0, 0.0], 1.0, 2, 2);
+            View { name: name.to_owned(), color, mask, camera, depth: None, crop: None }
+        };
+        let two = [view("a"), view("b/a")];
+        assert_eq!(files(&two, None).ok(), Some(vec!["a.png".to_owned(), "b/a.png".to_owned()]));
+        // Of cup.png and cup.jpg.
+        let Err(Failure::Input(text)) = files(&[view("cup"), view("cup")], None) else {
+            panic!("refused");
+        };
+        assert!(text.contains("the mask cup.png"), "{text}");
+    }
 
     #[test]
     fn masks_are_called_as_fit_looks_for_them() {

@@ -6,7 +6,7 @@
 //! version 4 older than structs; both are refused with the remedy.
 //!
 //! A file is read as a stream: a compressed variable is never inflated as a whole, so that
-//! thousands of masks in one struct array take one bit a pixel (see [`Data`]) and no more.
+//! thousands of masks in one struct array take one bit a pixel (see [`Data`](value::Data)) and no more.
 //! Format: The MathWorks, "MAT-File Level 5 File Format".
 
 mod node;

@@ -117,7 +117,7 @@ pub(super) fn images(bytes: &[u8], file: &Path, model: &mut Model) -> Result<(),
         let name = String::from_utf8_lossy(bytes.take(end, "name")?).into_owned();
         bytes.take(1, "name")?;
         if name.is_empty() {
-            return Err(bytes.wrong("name", "nothing", "the name of the picture"));
+            return Err(bytes.wrong("name", "nothing", "the name of the image"));
         }
         let seen = bytes.count("number of points2D", 24)?;
         bytes.take(24 * seen, "points2D")?;

@@ -77,7 +77,7 @@ impl Project {
         }
         let moved = place(&mut opened, (folder, form), &mut model)?;
         model.images.sort_by(|a, b| natural::compare(&a.name, &b.name));
-        let (base, images) = pictures(source, folder, &model);
+        let (base, images) = images(source, folder, &model);
         Ok(Self { folder: folder.to_owned(), form, base, images, model, moved })
     }
 
@@ -128,14 +128,14 @@ impl Project {
         let source = opened.source();
         let files = [self.file(source, "cameras"), self.file(source, "images")];
         let (camera, distortion) = self.model.camera(image, [&files[0], &files[1]])?;
-        let picture = read_image_file(opened, name, "picture")?;
+        let file = read_image_file(opened, name, "image")?;
         let field = format!("camera {} WIDTH, HEIGHT", image.camera);
-        let camera = camera_of_size(camera, &picture, &files[0], &field)?;
+        let camera = camera_of_size(camera, &file, &files[0], &field)?;
         let stem = without_extension(&image.name);
         let masks = mask_names(&format!("{}masks", self.base), &image.name);
         let mask = mask_file(opened, &masks, options)?;
-        let depth = if options.depth { self.depth(opened, image, &picture)? } else { None };
-        let view = assemble(stem.to_owned(), picture, mask, camera, depth, options)?;
+        let depth = if options.depth { self.depth(opened, image, &file)? } else { None };
+        let view = assemble(stem.to_owned(), file, mask, camera, depth, options)?;
         let field = format!("camera {} MODEL, {}", image.camera, image.name);
         straightened(view, distortion.as_ref(), options, (&files[0], &field))
     }
@@ -145,14 +145,14 @@ impl Project {
         &self,
         opened: &mut Opened<'_>,
         image: &ModelImage,
-        picture: &ImageFile,
+        file: &ImageFile,
     ) -> Result<Option<(PathBuf, DepthMap)>, ReadViewsError> {
         let names = ["geometric", "photometric"]
             .map(|kind| format!("{}stereo/depth_maps/{}.{kind}.bin", self.base, image.name));
         let source = opened.source();
         let Some(name) = names.iter().find(|name| source.has(name)) else { return Ok(None) };
         let path = source.locate(name);
-        let size = (picture.image.width * picture.image.height) as u64;
+        let size = (file.pixels.width * file.pixels.height) as u64;
         let bytes = opened.read(name, "depth", 4 * size + 64)?;
         let depth = depth_map(&bytes).ok_or_else(|| {
             let found = format!("{} bytes that begin otherwise", bytes.len());
@@ -215,7 +215,7 @@ fn depth_map(bytes: &[u8]) -> Option<DepthMap> {
 /// The folder with `images/` and `masks/`, and that of the images, each with its slash.
 ///
 /// Where the folder of the model itself was opened, the images are above it.
-fn pictures(source: &Source, folder: &str, model: &Model) -> (String, String) {
+fn images(source: &Source, folder: &str, model: &Model) -> (String, String) {
     let bases: &[&str] = if folder.is_empty() { &["", "../", "../../"] } else { &[""] };
     let first = model.images.first().map_or("", |image| image.name.as_str());
     let candidates = || bases.iter().flat_map(|base| [(base, "images/"), (base, "")]);

@@ -109,7 +109,7 @@ pub(super) fn images(bytes: &[u8], file: &Path, model: &mut Model) -> Result<(),
         // Names may hold spaces.
         let name = line.rest.trim_end().to_owned();
         if name.is_empty() {
-            return Err(line.wrong("NAME", line.text.trim(), "the name of the picture"));
+            return Err(line.wrong("NAME", line.text.trim(), "the name of the image"));
         }
         model.images.push(ModelImage { id, quaternion, translation, camera, name });
         // The points that the image saw, which nothing here needs.

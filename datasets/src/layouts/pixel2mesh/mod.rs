@@ -171,14 +171,14 @@ impl Dataset for Pixel2Mesh {
         for &view in which.unwrap_or(&[0]) {
             assert!(view == 0, "views: view {view} of a sample, which has one");
             pending.push(Box::new(|opened| {
-                let picture = if let Some(image) = read_sample(file)?.picture {
-                    ImageFile { path: file.clone(), image }
+                let image = if let Some(pixels) = read_sample(file)?.picture {
+                    ImageFile { path: file.clone(), pixels }
                 } else {
                     let png = file.with_extension("png");
                     let name = png.file_name().unwrap_or_default().to_string_lossy().into_owned();
-                    read_image_file(opened, &name, "picture of the sample")?
+                    read_image_file(opened, &name, "image of the sample")?
                 };
-                let (width, height) = (picture.image.width, picture.image.height);
+                let (width, height) = (image.pixels.width, image.pixels.height);
                 let camera = Camera {
                     rotation: Matrix3::identity(),
                     translation: Vector3::zeros(),
@@ -187,11 +187,11 @@ impl Dataset for Pixel2Mesh {
                     height,
                 };
                 let auto = options.mask == MaskSource::Auto;
-                let mask = (auto && mask_from_alpha(&picture.image).is_none())
-                    .then(|| (file.clone(), not_white(&picture.image)));
+                let mask = (auto && mask_from_alpha(&image.pixels).is_none())
+                    .then(|| (file.clone(), not_white(&image.pixels)));
                 let name = self.catalog.entries[object].name.clone();
                 let name = name.rsplit('/').next().unwrap_or(&name).to_owned();
-                assemble(name, picture, mask.into(), camera, None, options)
+                assemble(name, image, mask.into(), camera, None, options)
             }));
         }
         let (layout, warnings, poses) = (Layout::Pixel2Mesh, Vec::new(), "points");
@@ -209,6 +209,6 @@ impl Dataset for Pixel2Mesh {
     }
 }
 
-fn not_white(picture: &ByteImage) -> ByteImage {
-    mask_from_backdrop(&picture.to_rgb(), Some([255; 3]), 2)
+fn not_white(image: &ByteImage) -> ByteImage {
+    mask_from_backdrop(&image.to_rgb(), Some([255; 3]), 2)
 }

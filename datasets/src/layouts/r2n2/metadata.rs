@@ -19,7 +19,7 @@ const LINE: usize = 400;
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Line {
     /// The image's file, beside the metadata.
-    pub(super) picture: String,
+    pub(super) image: String,
     pub(super) view: R2n2View,
     /// The last column, degrees: said to be the field of view.
     pub(super) fov: f64,
@@ -37,13 +37,13 @@ impl Lines {
         let text = opened.read(FILE, "cameras", MOST_BYTES)?;
         let views = parse(&text.text(LINE, &path)?, &path)?;
         if !source.has(NAMES) {
-            let line = |(i, (view, fov))| Line { picture: format!("{i:02}.png"), view, fov };
+            let line = |(i, (view, fov))| Line { image: format!("{i:02}.png"), view, fov };
             return Ok(Self(views.into_iter().enumerate().map(line).collect()));
         }
         let names = opened.read(NAMES, "names of the images", MOST_BYTES)?;
         let path = source.locate(NAMES);
         let names = parse_names(&names.text(LINE, &path)?, views.len(), &path)?;
-        let line = |(picture, (view, fov))| Line { picture, view, fov };
+        let line = |(image, (view, fov))| Line { image, view, fov };
         Ok(Self(names.into_iter().zip(views).map(line).collect()))
     }
 }

@@ -155,8 +155,8 @@ impl R2n2 {
         if !source.has(&name) {
             return Ok(None);
         }
-        let picture = read_image_file(&mut source.open()?, &name, "normals")?;
-        Ok(Some(picture.image.to_rgb()))
+        let image = read_image_file(&mut source.open()?, &name, "normals")?;
+        Ok(Some(image.pixels.to_rgb()))
     }
 
     /// The first of these files that is there.
@@ -204,27 +204,20 @@ impl Dataset for R2n2 {
             let count = lines.len();
             assert!(view < count, "views: view {view} of an object with {count}");
             let line = &lines[view];
-            if options.allow_missing && !source.has(&line.picture) {
-                warnings.push(format!("view {view} is left out: {} is missing", line.picture));
+            if options.allow_missing && !source.has(&line.image) {
+                warnings.push(format!("view {view} is left out: {} is missing", line.image));
                 continue;
             }
             let (source, lens) = (&source, self.lens);
             pending.push(Box::new(move |opened| {
-                let picture = read_image_file(opened, &line.picture, "picture")?;
-                let camera = lens.camera(line, picture.image.width, picture.image.height);
+                let image = read_image_file(opened, &line.image, "image")?;
+                let camera = lens.camera(line, image.pixels.width, image.pixels.height);
                 let field = format!("line {} with {lens:?}", view + 1);
                 let file = source.locate(metadata::FILE);
                 camera.validate().map_err(ReadViewsError::camera(file, field))?;
                 let depths = [format!("{}_depth.exr", line.stem())];
-                let depth = depth::read(opened, &depths, 1.0, &picture.image, options)?;
-                assemble(
-                    line.stem().to_owned(),
-                    picture,
-                    MaskFile::default(),
-                    camera,
-                    depth,
-                    options,
-                )
+                let depth = depth::read(opened, &depths, 1.0, &image.pixels, options)?;
+                assemble(line.stem().to_owned(), image, MaskFile::default(), camera, depth, options)
             }));
         }
         let reading = Reading { pending, warnings, ..Reading::new(Layout::R2n2, metadata::FILE) };
@@ -247,6 +240,6 @@ impl Dataset for R2n2 {
 impl Line {
     /// The image's name without its ending: what depth and normals are called after.
     fn stem(&self) -> &str {
-        self.picture.rsplit_once('.').map_or(&self.picture, |(stem, _)| stem)
+        self.image.rsplit_once('.').map_or(&self.image, |(stem, _)| stem)
     }
 }

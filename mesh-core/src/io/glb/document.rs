@@ -4,7 +4,7 @@ use serde::Deserialize;
 use serde::de::IgnoredAny;
 
 /// What an object of the JSON may take at most while its list grows, by the largest of the types
-/// below; [`tests`] hold it.
+/// below; `tests` hold it.
 pub(super) const PER_OBJECT: u64 = 3 * 104;
 /// What a number or a text in a list may take, likewise.
 pub(super) const PER_ITEM: u64 = 3 * 24;

@@ -22,7 +22,7 @@ pub fn write(path: impl AsRef<Path>, mesh: &TriMesh) -> Result<(), WriteError> {
 }
 
 /// The same of a mesh whose world has another axis up: the file's node turns it, so that it stands in
-/// viewers, for which +Y is up. The positions in the file stay as they are; [`read`](super::read) turns them.
+/// viewers, for which +Y is up. The positions in the file stay as they are; [`read`](super::read()) turns them.
 ///
 /// # Errors
 /// As [`write()`].
@@ -288,7 +288,7 @@ fn padded(length: usize) -> usize {
     length.next_multiple_of(4)
 }
 
-/// How long [`file`] is.
+/// How long [`file()`] is.
 fn length(json: &str, bin: &[u8]) -> usize {
     20 + padded(json.len()) + if bin.is_empty() { 0 } else { 8 + padded(bin.len()) }
 }

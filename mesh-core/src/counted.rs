@@ -3,7 +3,7 @@
 /// A count with its noun, which gets an `s` where there is not one of it.
 ///
 /// ```
-/// use train::report::counted;
+/// use mesh_core::counted;
 ///
 /// assert_eq!([0, 1, 3].map(|count| counted(count, "view")), ["0 views", "1 view", "3 views"]);
 /// ```
