@@ -76,7 +76,8 @@ pub enum CompareError {
 ///
 /// A mesh all of whose points lie in a plane has no volume: the distances are measured, the IoU is not.
 ///
-/// Cost: brute-force nearest neighbours, `samples²` pairs each way; 100,000 points take about a second.
+/// # Cost
+/// Nearest neighbours both ways by a bounding volume hierarchy, about `samples log samples`, and the winding number of the volumes' cells.
 ///
 /// # Errors
 /// If a mesh is invalid or has no surface.

@@ -1,7 +1,7 @@
 //! Hollows: what no outline shows, but photographs agree about.
 //!
 //! Outlines are right wherever the surface bulges, and leave a bowl filled to its rim. Once they agree, depth is found for each view by
-//! [stereo](super::stereo), and the surface moves along its normals until it lies where the views see it; outlines and the bending
+//! [`stereo`], and the surface moves along its normals until it lies where the views see it; outlines and the bending
 //! energy hold it as before.
 
 use std::sync::Arc;

@@ -71,7 +71,9 @@ mod tests {
         let config = FitConfig::default();
         let target = |view| Target::new(view, config.blur(), config.reach, MARGIN);
         let mut targets: Vec<Target> = views.iter().filter_map(target).collect();
-        targets.iter_mut().for_each(|target| target.place([0.0; 3], 1.0));
+        for target in &mut targets {
+            target.place([0.0; 3], 1.0);
+        }
         let given = balls(&[speck, large, small, (0.85, 0.003)]);
         let shape = Shape::of(given.positions, given.faces, &config);
         let found = without_specks(shape, &targets, &config);
