@@ -35,6 +35,18 @@ impl Default for BlendSettings {
     }
 }
 
+impl BlendSettings {
+    /// Sigma, gamma, and the least and the greatest depth.
+    fn checked(&self) -> [f64; 4] {
+        let &Self { sigma, gamma, near, far, .. } = self;
+        assert!(
+            sigma > 0.0 && gamma > 0.0 && far > near,
+            "softmax_blend: sigma {sigma}, gamma {gamma} and depths {near} to {far} must be positive"
+        );
+        [sigma, gamma, near, far]
+    }
+}
+
 impl<'t, F: Real> Layers<'t, F> {
     /// Images in which the faces of a pixel are blended by coverage and depth, alpha last: PyTorch3D's
     /// `softmax_rgb_blend`.
@@ -63,18 +75,9 @@ impl<'t, F: Real> Layers<'t, F> {
             let message = format!("colours {expected:?} expected");
             tape.refuse(name, message, &[("colors", &colors.shape(), "N, H, W, K, C")]);
         }
-        let s = settings;
-        assert!(
-            s.sigma > 0.0 && s.gamma > 0.0 && s.far > s.near,
-            "softmax_blend: sigma {}, gamma {} and depths {} to {} must be positive",
-            s.sigma,
-            s.gamma,
-            s.near,
-            s.far
-        );
         let [n, h, w, k] = sizes;
-        let numbers: [F; 4] = [s.sigma, s.gamma, s.near, s.far].map(F::from_f64);
-        let background: Vec<F> = s.background.iter().map(|&x| F::from_f64(x)).collect();
+        let numbers: [F; 4] = settings.checked().map(F::from_f64);
+        let background: Vec<F> = settings.background.iter().map(|&x| F::from_f64(x)).collect();
         let (depth, distance) = (self.depth(), self.distance());
         let faces = Arc::clone(&self.fragments);
         let mut out = tape.array(&[n, h, w, channels + 1]);
