@@ -220,7 +220,8 @@ impl System for Blob {
         }
         let [weight, less] = if self.options.weightless { [0.0; 2] } else { [1.0, 0.1] };
         let factors = &self.options.factors;
-        let factor = factors.get(at.step as usize).or(factors.last()).copied().unwrap_or(1.0);
+        let factor =
+            factors.get(at.step as usize).or_else(|| factors.last()).copied().unwrap_or(1.0);
         let [weight, less] = [weight, less].map(|weight| factor * weight);
         let terms = Terms::new().with("mask", weight, mask).with("edge", less, edge);
         let unbounded = self.options.unbounded;
