@@ -44,6 +44,7 @@ pub mod viewpoint;
 mod instance;
 mod mesh_pairs;
 mod parts;
+mod pretrained;
 mod quality;
 mod registry;
 mod repairs;

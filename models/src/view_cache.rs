@@ -9,7 +9,7 @@ use train::{DataError, Fingerprint};
 
 use crate::parts::identity;
 
-/// Bytes of views that are kept at most; what is beyond is read again each time.
+/// Bytes of what is made of views that are kept at most; what is beyond is made again each time.
 const BUDGET: usize = 6 << 30;
 
 /// What was made of views so far, within a budget.
@@ -37,14 +37,18 @@ impl<T: Stored> Kept<T> {
     /// Keeps what was made of a view if there is room.
     pub(crate) fn keep(&self, [object, view]: [usize; 2], made: &Arc<T>) {
         let bytes = made.bytes();
-        if self.bytes.load(Ordering::Relaxed) + bytes > self.budget {
+        // Room is taken first: other threads keep theirs at the same time.
+        let with = |taken: usize| taken.checked_add(bytes).filter(|&all| all <= self.budget);
+        if self.bytes.fetch_update(Ordering::Relaxed, Ordering::Relaxed, with).is_err() {
             return;
         }
         let mut views = self.objects[object].write().unwrap_or_else(PoisonError::into_inner);
-        // Another thread may have been faster, with the same.
-        if let btree_map::Entry::Vacant(place) = views.entry(view) {
-            place.insert(Arc::clone(made));
-            self.bytes.fetch_add(bytes, Ordering::Relaxed);
+        match views.entry(view) {
+            btree_map::Entry::Vacant(place) => drop(place.insert(Arc::clone(made))),
+            // Another thread was faster, with the same.
+            btree_map::Entry::Occupied(_) => {
+                self.bytes.fetch_sub(bytes, Ordering::Relaxed);
+            }
         }
     }
 }
@@ -194,5 +198,29 @@ mod tests {
         assert_eq!(kept.get([1, 1]), None);
         kept.keep([1, 1], &Arc::new(Made(4)));
         assert_eq!(*kept.get([1, 1]).unwrap(), Made(4));
+    }
+
+    /// One waits to put its view down while another asks for room.
+    #[test]
+    fn threads_share_the_budget() {
+        let entries = [2, 2].map(|views| Entry { views, ..Entry::default() });
+        let kept = Kept::new(&entries, 10);
+        std::thread::scope(|scope| {
+            let held = kept.objects[0].write().unwrap();
+            let waits = scope.spawn(|| kept.keep([0, 0], &Arc::new(Made(6))));
+            // It has taken its room before it waits; what takes none until then would never end this by itself.
+            let begun = std::time::Instant::now();
+            while kept.bytes.load(Ordering::Relaxed) == 0 && begun.elapsed().as_secs() < 2 {
+                std::thread::yield_now();
+            }
+            kept.keep([1, 0], &Arc::new(Made(6)));
+            drop(held);
+            waits.join().unwrap();
+        });
+        let there = [[0, 0], [1, 0]].map(|place| kept.get(place).is_some());
+        assert_eq!((there, kept.bytes.load(Ordering::Relaxed)), ([true, false], 6));
+        // What is there already takes no room twice.
+        kept.keep([0, 0], &Arc::new(Made(4)));
+        assert_eq!(kept.bytes.load(Ordering::Relaxed), 6);
     }
 }

@@ -40,7 +40,7 @@
 //! | graphs | [`GraphConv`] (Mesh R-CNN), [`ChebyshevConv`] (Pixel2Mesh), [`GraphResBlock`], [`GraphBottleneck`] |
 //! | maps at points | [`pool_features`], [`pool_linear`] |
 //! | heads of Mesh R-CNN | [`VoxelHead`], [`MeshRefinementHead`], [`MeshRefinementStage`] |
-//! | image encoders | [`SmallCnn`], [`Vgg16`], [`ResNet`], [`ConvFrontEnd`], [`Pixel2MeshEncoder`] |
+//! | image encoders | [`SmallCnn`], [`Vgg16`], [`ResNet`], [`ConvFrontEnd`], [`Pixel2MeshEncoder`]; what torchvision's weights expect: [`imagenet_normalized`] |
 //! | images from maps | [`ImageDecoder`] |
 //! | the camera of an image | [`ViewpointHead`] |
 //! | networks that measure | [`InceptionV3`], [`Vgg16`] with [`LpipsWeights`] |
@@ -78,6 +78,7 @@ mod weights;
 pub use layers::activation::activate;
 
 pub use backbones::conv_front_end::ConvFrontEnd;
+pub use backbones::imagenet::{IMAGENET_DEVIATION, IMAGENET_MEAN, imagenet_normalized};
 pub use backbones::inception::{
     Branch, ConvNormRelu, InceptionKind, InceptionV3, Mixed, MixedPool,
 };

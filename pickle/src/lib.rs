@@ -201,6 +201,25 @@ mod tests {
         assert_eq!(entries[2].1.elements(2).unwrap()[1].truth(), Some(true));
     }
 
+    /// Arrays without numbers, `[0, 3]`, as Python 3 writes them at protocols 0 to 2, which have no bytes.
+    #[test]
+    fn bytes_may_be_empty() {
+        let plain = b"cnumpy.core.multiarray\n_reconstruct\np0\n(cnumpy\nndarray\np1\n(I0\ntp2\nc_codecs\nencode\n\
+            p3\n(Vb\np4\nVlatin1\np5\ntp6\nRp7\ntp8\nRp9\n(I1\n(I0\nI3\ntp10\ncnumpy\ndtype\np11\n(Vf4\np12\nI00\nI01\n\
+            tp13\nRp14\n(I3\nV<\np15\nNNNI-1\nI-1\nI0\ntp16\nbI00\nc__builtin__\nbytes\np17\n(tRp18\ntp19\nb.";
+        let binary = b"\x80\x02cnumpy.core.multiarray\n_reconstruct\nq\0cnumpy\nndarray\nq\x01K\0\x85q\x02c_codecs\n\
+            encode\nq\x03X\x01\0\0\0bq\x04X\x06\0\0\0latin1q\x05\x86q\x06Rq\x07\x87q\x08Rq\t(K\x01K\0K\x03\x86q\n\
+            cnumpy\ndtype\nq\x0bX\x02\0\0\0f4q\x0c\x89\x88\x87q\rRq\x0e(K\x03X\x01\0\0\0<q\x0fNNNJ\xff\xff\xff\xff\
+            J\xff\xff\xff\xffK\0tq\x10b\x89c__builtin__\nbytes\nq\x11)Rq\x12tq\x13b.";
+        for bytes in [&plain[..], binary] {
+            let numbers = Pickle::parse(bytes).unwrap().root().numbers().unwrap();
+            assert_eq!((numbers.shape, numbers.data.len()), (vec![0, 3], 0));
+        }
+        // `bytes(3)` is another matter.
+        let error = Pickle::parse(b"\x80\x02cbuiltins\nbytes\nK\x03\x85R.").unwrap();
+        assert!(error.root().numbers().unwrap_err().found.contains("a call of builtins.bytes"));
+    }
+
     #[test]
     fn marks_hold_the_stack_up() {
         // What is below a mark is out of reach until the mark is gone.

@@ -126,6 +126,10 @@ pub(crate) fn call<'a>(values: &[Value<'_>], function: u32, arguments: u32) -> M
     };
     let made = match name.as_str() {
         "collections.OrderedDict" | "builtins.dict" => Some(Value::Dictionary(Vec::new())),
+        // Python 3 writes empty bytes so for Python 2.
+        "__builtin__.bytes" | "builtins.bytes" if indices.is_empty() => {
+            Some(Value::Bytes(Cow::Borrowed(&[])))
+        }
         "numpy.dtype" => argument(0).and_then(Value::text).and_then(Dtype::named).map(Value::Dtype),
         "numpy.core.multiarray._reconstruct" | "numpy._core.multiarray._reconstruct" => {
             Some(Value::Array(None))

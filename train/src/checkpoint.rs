@@ -46,6 +46,8 @@ pub(super) struct TrainState {
     pub(super) best: Option<(f64, u64)>,
     /// Moving average of the losses.
     pub(super) average: Option<f64>,
+    /// Steps in a row, up to the last one, that were left out as spikes.
+    pub(super) skipped: u64,
 }
 
 /// A checkpoint as it was read: sound as a file, not yet a system.
@@ -241,7 +243,13 @@ impl<'a> Checkpoint<'a> {
         config: &Configuration<S::Config>,
     ) -> Result<(S, AnyOptimizer, Option<Average>, TrainState), CheckpointError> {
         let mut scratch = AnyOptimizer::new(&config.train, &[]);
-        let (system, state) = self.rebuild::<S>(config, &mut scratch)?;
+        let (system, mut state) = self.rebuild::<S>(config, &mut scratch)?;
+        let before = Configuration::<S::Config>::from_text(self.entry("config")?)
+            .map_err(|error| self.wrong("config", "damaged", error.message()))?;
+        if before.train.best_of::<S>() != config.train.best_of::<S>() {
+            // It is a value of another metric.
+            state.best = None;
+        }
         let mut optimizer = AnyOptimizer::new(&config.train, &system.rates());
         optimizer.load(&self.state).map_err(|mismatch| self.unlike(mismatch))?;
         if let Some((path, found, expected)) = optimizer.misfit(&system) {
@@ -276,7 +284,13 @@ impl<'a> Checkpoint<'a> {
                 Some(average)
             }
         };
-        Ok(TrainState { step, epochs_begun, pending: self.number("pending")?, best, average })
+        // Where no step was left out just before, and in files of earlier versions, there is no such entry.
+        let skipped = match self.state.metadata.get("skipped") {
+            Some(_) => self.number("skipped")?,
+            None => 0,
+        };
+        let pending = self.number("pending")?;
+        Ok(TrainState { step, epochs_begun, pending, best, average, skipped })
     }
 
     fn entry(&self, field: &'static str) -> Result<&str, CheckpointError> {
@@ -368,6 +382,9 @@ pub(super) fn save<S: System>(
         ("config", crate::settings::to_toml(config)),
     ] {
         file.metadata.insert(name.to_owned(), text);
+    }
+    if state.skipped > 0 {
+        file.metadata.insert("skipped".to_owned(), state.skipped.to_string());
     }
     let bytes = file.to_bytes();
     drop(file);

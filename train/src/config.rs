@@ -6,6 +6,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use toml::Table;
 
 use crate::settings::{LARGEST, Options, Reads, Tabular, above_to, date, reads};
+use crate::system::System;
 
 crate::options! {
     /// Options of the training loop, each with the default that [`TrainConfig::default`] gives.
@@ -57,7 +58,7 @@ crate::options! {
         #[serde(with = "crate::settings::optional")]
         pub clip_norm: Option<f64> = None, in above_to(0.0, f64::MAX);
         /// Leaves out a step whose loss is more than so many times the moving average of the losses. Mesh R-CNN uses
-        /// 50.
+        /// 50. After ten in a row the loss is taken to have risen for good: the next step counts, and the average begins with it.
         #[serde(with = "crate::settings::optional")]
         pub skip_spikes: Option<f64> = None, in 1.0..=f64::MAX;
         /// Epochs between two scorings of what is for validation, by which the best checkpoint is chosen; without, only
@@ -73,7 +74,8 @@ crate::options! {
         /// Minutes after which a checkpoint is due.
         #[serde(with = "crate::settings::optional")]
         pub checkpoint_minutes: Option<f64> = Some(10.0), in above_to(0.0, 1e6);
-        /// The metric that chooses the best checkpoint; without, the system's own.
+        /// The metric that chooses the best checkpoint; without, the system's own. Where a run goes on with another, what was the
+        /// best before no longer counts.
         #[serde(with = "crate::settings::optional")]
         pub best: Option<String> = None;
         /// Whether TensorBoard's event files are written.
@@ -115,6 +117,7 @@ pub const CHANGEABLE: &[&str] = &[
     "samples-every",
     "checkpoint-steps",
     "checkpoint-minutes",
+    "best",
     "tensorboard",
 ];
 
@@ -132,6 +135,11 @@ impl TrainConfig {
                 .push(format!("`milestones` is {:?}, expected ascending epochs", self.milestones));
         }
         problems
+    }
+
+    /// The name of the metric that chooses the best checkpoint of a system.
+    pub(super) fn best_of<S: System>(&self) -> &str {
+        self.best.as_deref().unwrap_or(S::BEST)
     }
 
     /// The schedule in steps, for epochs of `steps_per_epoch` steps and `total` steps in all.

@@ -24,8 +24,9 @@ pub struct Draw {
     pub epoch: u64,
     /// Place in the epoch, counted from 0.
     pub index: u64,
-    /// What stands there in the epoch's order: below [`System::epoch_len`](super::System::epoch_len),
-    /// each number once an epoch.
+    /// What stands there in the epoch's order: below [`System::epoch_len`](super::System::epoch_len). Each
+    /// number is drawn at most once an epoch, and those beyond the last whole step are left out; an epoch shorter than a
+    /// step goes through all of them again until the step is full.
     pub item: usize,
 }
 

@@ -78,7 +78,7 @@ fn first_non_finite<S: System>(
     // One without a value is told before it comes to this.
     let terms = system.loss(tape, chunk, at).ok()?;
     let counted = || terms.0.iter().filter(|term| term.weight != 0.0);
-    if let Some(term) = terms.0.iter().find(|term| !term.value.item().is_finite()) {
+    if let Some(term) = counted().find(|term| !term.value.item().is_finite()) {
         return Some((term.name, Tensor::Value));
     }
     counted().find_map(|term| {

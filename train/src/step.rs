@@ -11,7 +11,7 @@ use super::ranks::Ranks;
 use super::reduction::Reduction;
 use super::share::Share;
 use super::step_info::StepInfo;
-use super::system::{System, Terms};
+use super::system::{System, Term, Terms};
 
 /// The tapes of a run, kept so that their memory is, and what sums their gradients with those of other processes.
 #[derive(Debug)]
@@ -25,7 +25,7 @@ pub(super) struct Tapes {
 #[derive(Debug)]
 pub(super) struct StepGradient {
     pub(super) gradients: Gradients,
-    /// Weighted terms by name; their sum is the loss.
+    /// Weighted terms by name; their sum is the loss. Those of weight 0 are 0, whatever their value.
     pub(super) terms: Vec<(&'static str, f64)>,
     /// Euclidean norm of the gradients.
     pub(super) norm: f64,
@@ -195,11 +195,7 @@ fn part<S: System>(
             return Err(error);
         }
     };
-    let values = terms
-        .0
-        .iter()
-        .map(|term| (term.name, share * term.weight * f64::from(term.value.item())))
-        .collect();
+    let values = terms.0.iter().map(|term| (term.name, weighted(term, share))).collect();
     let gradients = match total(&terms, share) {
         Ok(total) => total.backward(),
         Err(error) => {
@@ -212,6 +208,11 @@ fn part<S: System>(
     drop(terms);
     tape.reset();
     Ok(Part { gradients, terms: values, updates })
+}
+
+/// What a term adds to the loss: nothing where its weight is 0, even if its value is none.
+fn weighted(term: &Term<'_>, share: f64) -> f64 {
+    if term.weight == 0.0 { 0.0 } else { share * term.weight * f64::from(term.value.item()) }
 }
 
 /// The weighted sum of the terms that count, of which there is at least one.

@@ -189,7 +189,7 @@ impl<O> Debug for Source<'_, O> {
 pub struct Term<'t> {
     /// Its name in logs.
     pub name: &'static str,
-    /// What it is multiplied by in the sum; with 0 it is only watched.
+    /// What it is multiplied by in the sum. With 0 it adds nothing, whatever its value, and is logged as 0.
     pub weight: f64,
     /// Its value, a scalar.
     pub value: Var<'t>,

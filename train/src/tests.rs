@@ -9,6 +9,7 @@ mod events;
 mod folders;
 mod power;
 mod processes;
+mod spikes;
 mod threads;
 
 use std::path::Path;
@@ -355,6 +356,31 @@ fn steps_outlast_scores_that_fail() {
     let path = folder.join("checkpoints/last.safetensors");
     let last = Checkpoint::read(&path).unwrap();
     assert!(last.step().unwrap() > 0, "all steps are lost");
+    // With a name that there is it goes on.
+    let mended = Config { train: TrainConfig { best: None, ..changed.train }, ..changed };
+    let resumed = run_in(&folder, &mended, true, &mut on()).unwrap();
+    assert_eq!((resumed.ended, resumed.best.unwrap().1), (Ended::Completed, 12));
+}
+
+/// The best so far is a value of one metric, and says nothing of another.
+#[test]
+fn another_metric_begins_without_a_best() {
+    assert!(CHANGEABLE.contains(&"best"));
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path().join("run");
+    let begun = config(|c| c.train.epochs = 1);
+    let (value, step) = run_in(&folder, &begun, false, &mut on()).unwrap().best.unwrap();
+    assert!(value < 1.0 && step == 4, "{value} at {step}");
+    let mut longer = begun.clone();
+    // The same by its name.
+    (longer.train.epochs, longer.train.best) = (2, Some(Blob::BEST.into()));
+    let best = run_in(&folder, &longer, true, &mut on()).unwrap().best.unwrap();
+    assert!(best.0 >= value, "{best:?}");
+    (longer.train.epochs, longer.train.best) = (3, Some("constant".into()));
+    let best = run_in(&folder, &longer, true, &mut on()).unwrap().best;
+    assert_eq!(best, Some((1.0, 12)));
+    let path = folder.join("checkpoints/best.safetensors");
+    assert_eq!(Checkpoint::read(&path).unwrap().step().unwrap(), 12);
 }
 
 #[test]

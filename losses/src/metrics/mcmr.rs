@@ -5,7 +5,7 @@ use mesh_core::{TriMesh, VoxelGrid};
 use super::bounds::bounds;
 
 /// Cells along each edge of the grid, which covers the unit cube centred at the origin.
-const GRID: usize = 32;
+pub(super) const GRID: usize = 32;
 /// Faces are split until their longest edge is shorter than this many cells.
 const STEP: f64 = 0.5;
 

@@ -4,6 +4,8 @@ use std::str::FromStr;
 
 use serde::Serialize;
 
+use super::mcmr::GRID;
+
 /// A named, published protocol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
@@ -121,11 +123,8 @@ pub enum IouProtocol {
         /// Cells along the longest edge of the box.
         resolution: usize,
     },
-    /// Aligned by bounding boxes, voxelised at 32³ and filled: see [`mcmr_iou`](super::mcmr_iou).
-    McmrAligned {
-        /// Cells along each edge of the unit cube.
-        resolution: usize,
-    },
+    /// Aligned by bounding boxes, voxelised at 32³ and filled, as published: see [`mcmr_iou`](super::mcmr_iou).
+    McmrAligned,
 }
 
 /// Everything that a figure depends on; serialised beside the figures.
@@ -183,8 +182,8 @@ impl Protocol {
             IouProtocol::CommonBox { resolution } => {
                 format!("solids as they lie, {resolution} cells along their box")
             }
-            IouProtocol::McmrAligned { resolution } => {
-                format!("solids moved and scaled onto each other, {resolution}\u{b3} cells")
+            IouProtocol::McmrAligned => {
+                format!("solids moved and scaled onto each other, {GRID}\u{b3} cells")
             }
         })
     }
@@ -276,7 +275,7 @@ impl Protocol {
             combination: Combination::Mean,
             thresholds: Vec::new(),
             normals: false,
-            iou: Some(IouProtocol::McmrAligned { resolution: 32 }),
+            iou: Some(IouProtocol::McmrAligned),
             seed,
         }
     }

@@ -122,7 +122,7 @@ pub fn evaluate(
     let solid = !flat(&prediction) && !flat(&truth);
     report.iou = protocol.iou.filter(|_| solid).and_then(|iou| match iou {
         IouProtocol::CommonBox { resolution } => Some(voxel_iou(&prediction, &truth, resolution)),
-        IouProtocol::McmrAligned { .. } => McmrAlignment::of(&prediction, &truth)
+        IouProtocol::McmrAligned => McmrAlignment::of(&prediction, &truth)
             .map(|alignment| mcmr_iou(&prediction, &truth, alignment)),
     });
     Ok(report)
@@ -273,6 +273,10 @@ mod tests {
         assert_eq!(json["f_scores"][1]["f_score"], 1.0);
         let thresholds = &json["protocol"]["thresholds"];
         assert!((thresholds[1].as_f64().unwrap().powi(2) - 2e-4).abs() < 1e-12);
+        // What is always the same is no choice of the protocol.
+        let mcmr = evaluate(&ball, &ball, &Preset::Mcmr.protocol(0)).unwrap();
+        let json = serde_json::to_value(mcmr).unwrap();
+        assert_eq!(json["protocol"]["iou"], serde_json::json!({ "kind": "mcmr_aligned" }));
     }
 
     #[test]

@@ -15,6 +15,7 @@ const ALIKE: f64 = 1.25;
 /// one only [modulo these](symmetric_rotation_angle). Multiples of 15 degrees are tried. A turn leaves the surface as it is if `points` of the
 /// turned surface are no farther from others of the surface, on average, than two samples of one surface are from each other, times 1.25; colours
 /// do not count. So what is seen is as fine as the samples are dense: details much smaller than their spacing are not.
+/// Of a mesh without area, and with no `points`, nothing can be told: 0 is the only one.
 ///
 /// # Cost
 /// 24 searches for nearest neighbours among `points`.
@@ -27,11 +28,11 @@ const ALIKE: f64 = 1.25;
 /// assert_eq!(turns(&icosphere(3), 2000).len(), 24);
 /// ```
 pub fn turns(mesh: &TriMesh, points: usize) -> Vec<f64> {
-    let Some(around) = mesh.bounds().filter(|_| !mesh.faces.is_empty()) else {
+    let [(surface, _), (other, _)] = [0, 1].map(|seed| sample_points(mesh, points, seed));
+    let Some(around) = mesh.bounds().filter(|_| !surface.is_empty()) else {
         return vec![0.0];
     };
     let [x, _, z] = bounds::center(around);
-    let [(surface, _), (other, _)] = [0, 1].map(|seed| sample_points(mesh, points, seed));
     let turned = |degrees: f64| -> Vec<[f32; 3]> {
         let (sin, cos) = degrees.to_radians().sin_cos();
         let (sin, cos) = (sin as f32, cos as f32);
@@ -79,6 +80,13 @@ mod tests {
             .map_positions(|[x, y, z]| [x, if y > 0.0 { y * (1.0 + 0.8 * z) } else { y }, z]);
         assert_eq!(turns(&wedge, 2000), [0.0]);
         assert_eq!(turns(&TriMesh::default(), 2000), [0.0]);
+    }
+
+    #[test]
+    fn where_there_are_no_points_no_turn_is_known() {
+        let line = [[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]];
+        assert_eq!(turns(&TriMesh::new(line.to_vec(), vec![[0, 1, 2]]), 2000), [0.0]);
+        assert_eq!(turns(&cuboid([0.6, 0.2, 0.6]), 0), [0.0]);
     }
 
     #[test]

@@ -1,14 +1,18 @@
 //! The backbone, as it takes images with and without depth.
 
 use autodiff_lite::{Tape, Tensor, Var, impl_module};
-use nets::{Init, LoadWeights, ResNet, WeightsError};
+use nets::{IMAGENET_DEVIATION, IMAGENET_MEAN, Init, LoadWeights, ResNet, WeightsError};
 
 use super::config::RefineConfig;
 use super::scenes::Scene;
 
-/// Mean and deviation of ImageNet's images, as torchvision's weights expect them, and of the depth channel.
-pub(super) const MEAN: [f32; 4] = [0.485, 0.456, 0.406, 0.5];
-pub(super) const DEVIATION: [f32; 4] = [0.229, 0.224, 0.225, 0.25];
+/// Mean and deviation of ImageNet's images, and of the depth channel.
+pub(super) const MEAN: [f32; 4] = with_depth(IMAGENET_MEAN, 0.5);
+pub(super) const DEVIATION: [f32; 4] = with_depth(IMAGENET_DEVIATION, 0.25);
+
+const fn with_depth([r, g, b]: [f32; 3], depth: f32) -> [f32; 4] {
+    [r, g, b, depth]
+}
 
 /// A residual network over colours, and depth where it is given.
 #[derive(Clone, Debug)]

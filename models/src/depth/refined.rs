@@ -28,6 +28,7 @@ use super::surface::{SurfaceTerms, Truth, color_difference, compared, roughness}
 use crate::instance::Instance;
 use crate::paired::InputImage;
 use crate::predict::{PredictInput, Prediction};
+use crate::pretrained::unusable;
 use crate::stacked::stacked;
 
 /// Places beyond so many half-widths of the image say no more than that they are outside.
@@ -330,7 +331,7 @@ impl<B: MeshInit> System for Refined<B> {
     fn init_from_data(&mut self, _: &Scenes) -> Result<(), DataError> {
         if let Some(path) = self.refine().weights.clone() {
             let loaded = self.encoder.load(&path);
-            loaded.map_err(DataError::unfit)?;
+            loaded.map_err(unusable)?;
         }
         Ok(())
     }

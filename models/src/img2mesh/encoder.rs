@@ -1,14 +1,12 @@
 //! What turns images into features.
 
 use autodiff_lite::{Var, impl_module};
-use ndarray::{Array1, Array2};
-use nets::{ConvFrontEnd, Init, LoadWeights, SmallCnn, Vgg16, WeightsError, freeze};
+use ndarray::Array2;
+use nets::{
+    ConvFrontEnd, Init, LoadWeights, SmallCnn, Vgg16, WeightsError, freeze, imagenet_normalized,
+};
 
 use super::config::{EncoderKind, Img2MeshConfig};
-
-/// Mean and deviation of ImageNet's images, as torchvision's weights expect them.
-pub(super) const MEAN: [f32; 3] = [0.485, 0.456, 0.406];
-pub(super) const DEVIATION: [f32; 3] = [0.229, 0.224, 0.225];
 
 /// One of the encoders.
 #[derive(Clone, Debug)]
@@ -87,12 +85,6 @@ impl Encoder {
     }
 
     fn normalized<'t>(&self, images: Var<'t>) -> Var<'t> {
-        if !self.normalize {
-            return images;
-        }
-        let tape = images.tape();
-        let shift = tape.constant(Array1::from(MEAN.to_vec()));
-        let factor = tape.constant(Array1::from(DEVIATION.map(f32::recip).to_vec()));
-        (images - shift) * factor
+        if self.normalize { imagenet_normalized(images) } else { images }
     }
 }

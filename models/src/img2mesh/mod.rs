@@ -63,6 +63,7 @@ use train::{
 };
 
 use crate::parts::finished;
+use crate::pretrained::unusable;
 use crate::stacked::stacked;
 use encoder::Encoder;
 use feature_cache::FeatureCache;
@@ -259,7 +260,7 @@ impl System for Img2Mesh {
         self.model.frame.as_slice_mut().copy_from_slice(&frame);
         if let Some(path) = &self.config.weights {
             let loaded = self.model.encoder.load(path);
-            loaded.map_err(DataError::unfit)?;
+            loaded.map_err(unusable)?;
         }
         Ok(())
     }

@@ -3,9 +3,10 @@
 use autodiff_lite::{Activation, Tape};
 use ndarray::ArrayD;
 use nets::onnx::{OnnxGraph, OnnxModel, OnnxValue, ToOnnx, channels_first, channels_last};
+use nets::{IMAGENET_DEVIATION, IMAGENET_MEAN};
 
 use super::config::AttentionKind;
-use super::encoder::{DEVIATION, Encoder, MEAN};
+use super::encoder::Encoder;
 use super::model::Model;
 use crate::stacked::numbers;
 
@@ -23,8 +24,11 @@ impl Encoder {
             let made = graph.scope("small", |graph| net.to_onnx(graph, image));
             return Some((made.maps, made.features));
         }
-        let image =
-            if self.normalize { graph.normalized(image, &MEAN, &DEVIATION) } else { image.clone() };
+        let image = if self.normalize {
+            graph.normalized(image, &IMAGENET_MEAN, &IMAGENET_DEVIATION)
+        } else {
+            image.clone()
+        };
         let features = match (&self.cnn, &self.vgg) {
             (Some(net), _) => graph.scope("cnn", |graph| net.to_onnx(graph, &image)),
             (_, Some(net)) => graph.scope("vgg", |graph| net.to_onnx(graph, &image)),

@@ -73,6 +73,7 @@ use train::{
     PredictError, Shown, Source, StepInfo, Subset, Summary, System, Terms,
 };
 
+use crate::pretrained::unusable;
 use crate::stacked::stacked;
 use model::{Model, Predicted};
 use noise::noise;
@@ -241,7 +242,7 @@ impl System for Mcmr {
         self.camera_begins_at(data)?;
         let Some(path) = &self.config.weights else { return Ok(()) };
         let loaded = LoadWeights::partial().load(path, &mut self.model.encoder);
-        loaded.map(|_| ()).map_err(DataError::unfit)
+        loaded.map(|_| ()).map_err(unusable)
     }
 
     fn open(

@@ -6,7 +6,7 @@ use autodiff_lite::{
 use ndarray::Array1;
 use nets::{
     BatchNorm1d, Conv2d, Dropout, ImageDecoder, Init, LayerNorm, Linear, Norm, NormKind, PointMlp,
-    PointMlpConfig, ResNet, ResNetConfig, ViewpointGuess, ViewpointHead,
+    PointMlpConfig, ResNet, ResNetConfig, ViewpointGuess, ViewpointHead, imagenet_normalized,
 };
 
 use super::config::{CameraHead, McmrConfig};
@@ -17,9 +17,6 @@ use crate::viewpoint::DIRECTIONS;
 /// Slope of negative numbers, as published.
 const SLOPE: f32 = 0.2;
 pub(super) const LEAKY: Activation = Activation::LeakyRelu(SLOPE as f64);
-/// Mean and deviation of ImageNet's images, as torchvision's weights expect them.
-pub(super) const MEAN: [f32; 3] = [0.485, 0.456, 0.406];
-pub(super) const DEVIATION: [f32; 3] = [0.229, 0.224, 0.225];
 
 /// A linear layer, a norm, leaky ReLU.
 #[derive(Clone, Debug)]
@@ -205,10 +202,7 @@ impl Model {
 
     /// The encoder's maps of images `[B, S, S, 3]` in `[0, 1]`.
     pub(super) fn encoder_maps<'t>(&self, images: Var<'t>) -> [Var<'t>; 4] {
-        let tape = images.tape();
-        let shift = tape.constant(Array1::from(MEAN.to_vec()));
-        let factor = tape.constant(Array1::from(DEVIATION.map(f32::recip).to_vec()));
-        self.encoder.forward_maps((images - shift) * factor)
+        self.encoder.forward_maps(imagenet_normalized(images))
     }
 
     /// The weighted mean shape, deformed vertex by vertex: positions and offsets, `[B, V, 3]`.

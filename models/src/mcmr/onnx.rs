@@ -3,8 +3,9 @@
 use autodiff_lite::{Activation, Tape};
 use ndarray::ArrayD;
 use nets::onnx::{OnnxGraph, OnnxModel, OnnxValue, ToOnnx, channels_first, channels_last};
+use nets::{IMAGENET_DEVIATION, IMAGENET_MEAN};
 
-use super::model::{DEVIATION, LEAKY, MEAN, Model, NormedLinear, Predicted, RowNorm};
+use super::model::{LEAKY, Model, NormedLinear, Predicted, RowNorm};
 use crate::stacked::numbers;
 use crate::viewpoint::{viewpoint_outputs, viewpoint_to_onnx};
 
@@ -39,7 +40,7 @@ impl Model {
         let mut graph = OnnxGraph::new("mcmr");
         let image = graph.input("image", &[3, side, side]);
         let map = graph.scope("encoder", |graph| {
-            let image = graph.normalized(&image, &MEAN, &DEVIATION);
+            let image = graph.normalized(&image, &IMAGENET_MEAN, &IMAGENET_DEVIATION);
             let [.., last] = self.encoder.to_onnx(graph, &image);
             last
         });

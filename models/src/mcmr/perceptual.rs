@@ -5,6 +5,7 @@ use nets::{InceptionKind, InceptionV3, Init, LoadWeights, LpipsWeights, Vgg16, f
 use train::DataError;
 
 use super::config::McmrConfig;
+use crate::pretrained::unusable;
 
 /// Levels of the pyramid that stands in for LPIPS.
 const LEVELS: usize = 4;
@@ -28,7 +29,7 @@ impl PerceptualMetrics {
     pub(super) fn open(config: &McmrConfig) -> Result<Self, DataError> {
         fn loaded<M: Module<f32>>(mut net: M, path: &str) -> Result<M, DataError> {
             let done = LoadWeights::partial().load(path, &mut net);
-            done.map_err(DataError::unfit)?;
+            done.map_err(unusable)?;
             freeze(&mut net, "");
             Ok(net)
         }
@@ -63,9 +64,7 @@ impl PerceptualMetrics {
     /// Inception's features `[N, 2048]` of images `[N, S, S, 3]` in `[0, 1]`; none without its weights.
     pub(super) fn features(&self, tape: &Tape, images: Var<'_>) -> Option<Vec<f32>> {
         let net = self.inception.as_ref()?;
-        let side = InceptionV3::<f32>::SIDE;
         let images = tape.constant(images.value());
-        let large = images.resize_bilinear(side, side, false).scale(2.0).add_scalar(-1.0);
-        Some(net.forward_features(large).value().iter().copied().collect())
+        Some(net.forward(images).value().iter().copied().collect())
     }
 }

@@ -21,7 +21,7 @@ pub struct Replaced {
     pub selection: Selection,
     /// Whether nothing is added to the mean shapes.
     pub undeformed: bool,
-    /// Whether the camera is the true one of another object of the subset, which is chance.
+    /// Whether the camera is the true one of another object of the subset, which is chance; an error where there is one object.
     pub camera_of_another: bool,
     /// The one colour of every texture, in `[0, 1]`.
     pub color: Option<[f32; 3]>,

@@ -2,8 +2,8 @@
 
 use autodiff_lite::{Tape, Tensor};
 use losses::metrics::{
-    self, MaskRule, McmrAlignment, frechet, mask_iou_by, mcmr_iou, rotation_angle, ssim,
-    symmetric_rotation_angle, voxel_iou,
+    self, FrechetError, MaskRule, McmrAlignment, frechet, mask_iou_by, mcmr_iou, rotation_angle,
+    ssim, symmetric_rotation_angle, voxel_iou,
 };
 use mesh_core::{ByteImage, Image, MedianOfEven, TriMesh, median};
 use ndarray::ArrayView2;
@@ -63,7 +63,7 @@ pub struct ScoredObject {
 pub struct Scored {
     /// One an object.
     pub each: Vec<ScoredObject>,
-    /// Between renderings with the true camera and masked photographs; none without Inception's weights.
+    /// Between renderings with the true camera and masked photographs; none without Inception's weights, or of a single object.
     pub fid: Option<f64>,
     /// The published code's figure of that name, a mean over pairs; none without the weights.
     pub feature_distance: Option<f64>,
@@ -215,7 +215,7 @@ impl Mcmr {
     /// Scores on a subset, object by object.
     ///
     /// # Errors
-    /// If a file cannot be read, or there is nothing for that.
+    /// If a file cannot be read, there is nothing for that, or Inception's features of an image are not finite.
     pub fn scored(&self, data: &Data, subset: Subset) -> Result<Scored, DataError> {
         self.scored_with(data, subset, &Replaced::default())
     }
@@ -223,7 +223,7 @@ impl Mcmr {
     /// The same with something else in the place of a part of each prediction.
     ///
     /// # Errors
-    /// If a file cannot be read, or there is nothing for that.
+    /// As [`scored`](Self::scored), or if the camera is to be another object's and there is none.
     pub fn scored_with(
         &self,
         data: &Data,
@@ -231,6 +231,11 @@ impl Mcmr {
         replaced: &Replaced,
     ) -> Result<Scored, DataError> {
         let objects = data.wanted(subset)?;
+        if replaced.camera_of_another && objects.len() < 2 {
+            let text =
+                format!("1 object is for {subset}: there is no other whose camera it could have");
+            return Err(DataError::Unfit(text));
+        }
         let kinds: Vec<usize> = objects.iter().map(|&object| data.category(object).0).collect();
         let samples = data.samples(objects, &self.config)?;
         let weights =
@@ -249,7 +254,8 @@ impl Mcmr {
         });
         let mut judged: Vec<Judged> = judged.into_iter().flatten().collect();
         compare_shapes(&mut judged, data)?;
-        let (fid, feature_distance) = compare_features(&judged);
+        let features: Vec<_> = judged.iter().filter_map(|one| one.features.as_ref()).collect();
+        let (fid, feature_distance) = compare_features(&features)?;
         let each = judged.into_iter().map(|one| one.scored).collect();
         Ok(Scored { each, fid, feature_distance })
     }
@@ -336,20 +342,37 @@ fn compare_shapes(judged: &mut [Judged], data: &Data) -> Result<(), DataError> {
     Ok(())
 }
 
-/// The FID, and the published code's mean over pairs.
-fn compare_features(judged: &[Judged]) -> (Option<f64>, Option<f64>) {
-    let pairs: Vec<&[Vec<f32>; 2]> =
-        judged.iter().filter_map(|one| one.features.as_ref()).collect();
-    let Some(first) = pairs.first() else { return (None, None) };
+/// The FID, of two pairs or more, and the published code's mean over pairs; of no pair neither.
+fn compare_features(pairs: &[&[Vec<f32>; 2]]) -> Result<(Option<f64>, Option<f64>), DataError> {
+    let Some(first) = pairs.first() else { return Ok((None, None)) };
     let width = first[0].len();
     let [a, b] = [0, 1].map(|which| {
         pairs.iter().flat_map(|pair| pair[which].iter().copied()).collect::<Vec<f32>>()
     });
-    let view = |all| ArrayView2::from_shape((pairs.len(), width), all).ok();
-    let fid = match (view(&a[..]), view(&b[..])) {
-        (Some(a), Some(b)) => frechet(a, b).ok(),
-        _ => None,
+    let view = |all| ArrayView2::from_shape((pairs.len(), width), all).expect("as many of each");
+    let fid = match frechet(view(&a[..]), view(&b[..])) {
+        Ok(fid) => Some(fid),
+        Err(FrechetError::TooFew { .. }) => None,
+        Err(error) => return Err(DataError::read(error)),
     };
     let sum: f64 = pairs.iter().map(|[a, b]| metrics::feature_distance(a, b)).sum();
-    (fid, Some(sum / pairs.len() as f64))
+    Ok((fid, Some(sum / pairs.len() as f64)))
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_distance_of_features_is_there_or_says_why_not() {
+        let pair = |x: f32| [vec![x, 1.0], vec![2.0 * x, 0.0]];
+        let of = |pairs: &[[Vec<f32>; 2]]| compare_features(&pairs.iter().collect::<Vec<_>>());
+        assert_eq!(of(&[]).unwrap(), (None, None));
+        assert_eq!(of(&[pair(0.0)]).unwrap(), (None, Some(1.5)));
+        let (fid, distance) = of(&[pair(0.0), pair(1.0)]).unwrap();
+        assert!(fid.unwrap() > 1.0 && distance.is_some());
+        let error = of(&[pair(0.0), pair(f32::NAN)]).unwrap_err().to_string();
+        assert!(error.contains("finite"), "{error}");
+    }
 }

@@ -441,6 +441,11 @@ fn what_stands_in_the_place_of_a_part_is_what_it_says() {
         assert_eq!((a.mask_iou_true, a.iou_3d), (b.mask_iou_true, b.iou_3d));
         assert!((a.rotation - b.rotation).abs() > 1e-6);
     }
+    let one = McmrConfig { test_objects: 1, families: vec!["car".into()], ..config.clone() };
+    let alone = Data::synthetic(&one).unwrap();
+    let another = Replaced { camera_of_another: true, ..Replaced::default() };
+    let error = system.scored_with(&alone, Subset::Test, &another).unwrap_err().to_string();
+    assert!(error.contains("1 object is for test"), "{error}");
     let color = data.mean_color(&config).unwrap();
     assert!(color.iter().all(|c| (0.05..0.95).contains(c)), "{color:?}");
     let gray = with(Replaced { color: Some(color), ..Replaced::default() });

@@ -23,6 +23,9 @@ const POOL: usize = 10_000;
 const HASHED: usize = 8;
 
 /// A dataset, parted into training, validation and test.
+///
+/// Images that were prepared are kept within a budget. Surfaces are kept all, each from when it is first asked for, outside of that
+/// budget: of an object the points with their normals (240 kB, and 120 kB with colours) and its whole mesh.
 #[derive(Debug)]
 pub struct Pairs {
     cache: ViewCache<InputImage>,
@@ -41,7 +44,7 @@ pub struct Surface {
     pub points: SurfacePoints,
     /// sRGB colours of those points, where its mesh has colours; else empty.
     pub colors: Vec<[f32; 3]>,
-    /// Its mesh, where the data has one.
+    /// Its mesh, where the data has one, as the data gives it: with its texture.
     pub mesh: Option<TriMesh>,
 }
 
@@ -254,19 +257,21 @@ impl Pairs {
         let truth = self.cache.truth(object)?;
         let (points, colors) = match (&truth.mesh, truth.points) {
             (_, Some(points)) if !points.positions.is_empty() => (points, Vec::new()),
-            (Some(mesh), _) if !mesh.faces.is_empty() => {
+            (Some(mesh), _) => {
                 let seed = self.identity(object);
                 let (positions, normals) = sample_points(mesh, POOL, seed);
                 let colors = colors_of(mesh, &sample_surface(mesh, POOL, seed));
                 (SurfacePoints { positions, normals }, colors)
             }
-            _ => {
-                let [category, name] = self.name(object);
-                return Err(DataError::Unfit(format!(
-                    "{category} {name}: no true surface; this system learns from meshes or points"
-                )));
-            }
+            (None, _) => (SurfacePoints::default(), Vec::new()),
         };
+        // Of faces without area there are none either.
+        if points.positions.is_empty() {
+            let [category, name] = self.name(object);
+            return Err(DataError::Unfit(format!(
+                "{category} {name}: no true surface; this system learns from meshes or points"
+            )));
+        }
         let surface = Arc::new(Surface { points, colors, mesh: truth.mesh });
         Ok(Arc::clone(place.get_or_init(|| surface)))
     }
@@ -311,4 +316,56 @@ pub(crate) fn subset(points: &[[f32; 3]], count: usize, seed: u64) -> Vec<[f32; 
     let mut all: Vec<usize> = (0..points.len()).collect();
     let (chosen, _) = all.partial_shuffle(&mut rng, count);
     chosen.iter().map(|&i| points[i]).collect()
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use datasets::{Catalog, ReadViewsError, Truth, Views};
+
+    use super::*;
+
+    /// Procedural objects whose true meshes are others.
+    #[derive(Debug)]
+    struct WithMesh(Box<dyn Dataset>, TriMesh);
+
+    impl Dataset for WithMesh {
+        fn catalog(&self) -> &Catalog {
+            self.0.catalog()
+        }
+
+        fn views(
+            &self,
+            object: usize,
+            which: Option<&[usize]>,
+            options: &ReadOptions,
+            progress: &(dyn Fn(usize, usize) + Sync),
+        ) -> Result<Views, ReadViewsError> {
+            self.0.views(object, which, options, progress)
+        }
+
+        fn truth(&self, _: usize) -> Result<Truth, ReadViewsError> {
+            Ok(Truth { mesh: Some(self.1.clone()), ..Truth::default() })
+        }
+    }
+
+    #[test]
+    fn a_mesh_without_area_is_no_surface() {
+        let config = PairsConfig {
+            image_size: 32,
+            objects: 1,
+            test_objects: 1,
+            synthetic_views: 1,
+            families: vec!["airplane".into()],
+            ..PairsConfig::default()
+        };
+        let line = vec![[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]];
+        for faces in [vec![[0, 1, 2]], vec![]] {
+            let made = Pairs::procedural(&config).unwrap();
+            let dataset = Box::new(WithMesh(made, TriMesh::new(line.clone(), faces)));
+            let error = Pairs::of(dataset, ReadOptions::default(), &config).unwrap_err();
+            let error = error.to_string();
+            assert!(error.contains("airplane") && error.contains("no true surface"), "{error}");
+        }
+    }
 }

@@ -176,15 +176,16 @@ train::options! {
         pub blocks: usize = 8, in 1..=64;
         /// Graph convolutions of the field; residual blocks and stacked fields have two. Published: 2.
         pub layers: usize = 2, in 2..=8;
-        /// Columns of the field's state beside positions: what a vertex remembers of its way. Published: 0.
+        /// Columns of the field's state beside positions: what a vertex remembers of its way. Published: 0;
+        /// residual blocks have none in any case.
         #[serde(alias = "memory")]
         pub augment_dim: usize = 0, in 0..=256;
-        /// Columns in which the time is repeated. Published: 196; 1 says the same.
+        /// Columns in which the time is repeated (`ode`). Published: 196; 1 says the same.
         pub time: usize = 196, in 0..=4096;
         /// Columns that a stacked field reads features through.
         #[serde(alias = "reading")]
         pub feature_dim: usize = 24, in 1..=4096;
-        /// Parts of the time for which a stacked field has weights of their own.
+        /// Segments of the time, for each of which a stacked field has weights of its own.
         #[serde(alias = "pieces")]
         pub segments: usize = 8, in 1..=64;
         /// What the sums of a stacked field are multiplied by to be velocities; at 8 with as many steps a change of
@@ -194,22 +195,22 @@ train::options! {
         /// What the first velocities are multiplied by: of the published size they would crumple the ellipsoid before
         /// the first step.
         pub first_velocity: f64 = 0.1, in above_to(0.0, 1e3);
-        /// The method.
+        /// The method of integration (`ode`, `stacked`; there is none of residual blocks).
         pub method: Method = Method::Euler;
-        /// Least and greatest start in training.
+        /// Least and greatest start in training (`ode`, `stacked`).
         pub start: [f64; 2] = Schedule::DEEP.start, in 0.0..1.0;
-        /// Least and greatest step in training; elsewhere all have their mean.
+        /// Least and greatest step in training; elsewhere all have their mean (`ode`, `stacked`).
         pub step: [f64; 2] = Schedule::DEEP.step, in 1e-4..=1.0;
-        /// Where a test starts; without, at the middle of `start`.
+        /// Where a test starts; without, at the middle of `start` (`ode`, `stacked`).
         #[serde(serialize_with = "train::settings::optional::serialize", deserialize_with = "test_start")]
         pub test_start: Option<f64> = None, in 0.0..1.0;
         /// Relative and absolute error of methods that estimate it (`bosh3`, `dopri5`) outside of training; without,
-        /// steps are fixed.
+        /// steps are fixed (`ode`, `stacked`).
         #[serde(with = "train::settings::optional")]
         pub tolerance: Option<f64> = None, in 1e-10..=1.0;
-        /// Whether the last step may go past 1, as in the published loop.
+        /// Whether the last step may go past 1, as in the published loop (`ode`, `stacked`).
         pub overshoot: bool = false;
-        /// How gradients are found.
+        /// How gradients are found (`ode`, `stacked`).
         pub adjoint: Adjoint = Adjoint::Checkpointed;
     }
 }

@@ -40,10 +40,15 @@ impl Template {
     /// The published one, from `info_ellipsoid.dat` with the faces beside it: what weights trained elsewhere need.
     ///
     /// # Errors
-    /// If a file is damaged, or the faces are missing.
+    /// If a file is damaged or has fewer levels, or the faces are missing.
     pub fn read(path: &str, level: u32) -> Result<Self, DataError> {
         let ellipsoid = Ellipsoid::open(path).map_err(DataError::read)?;
-        let levels = (level as usize + 1).min(ellipsoid.levels.len());
+        let (levels, there) = (level as usize + 1, ellipsoid.levels.len());
+        if levels > there {
+            let text =
+                format!("{path}: {there} levels, expected {levels}, one for `level` {level}");
+            return Err(DataError::Unfit(text));
+        }
         if ellipsoid.levels.iter().take(levels).any(|level| level.faces.is_empty()) {
             let text = format!("{path}: no faces, expected face1.obj to face3.obj beside it");
             return Err(DataError::Unfit(text));
@@ -205,6 +210,14 @@ mod tests {
                 assert!((found - expected).abs() < 1e-6, "{found} {expected}");
             }
         }
+    }
+
+    #[test]
+    fn a_file_with_fewer_levels_is_an_error() {
+        let fixtures = concat!(env!("CARGO_MANIFEST_DIR"), "/../datasets/tests/fixtures");
+        let path = format!("{fixtures}/tiny_ellipsoid.dat");
+        let error = Template::read(&path, 7).expect_err("eight levels").to_string();
+        assert!(error.contains(&path) && error.contains("levels, expected 8"), "{error}");
     }
 
     #[test]

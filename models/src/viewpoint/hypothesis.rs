@@ -18,7 +18,7 @@ pub struct Hypothesis {
     pub probability: f64,
 }
 
-/// At most `count` hypotheses of each image, the likeliest first. Those that say the same, within half of the angle between two
+/// At most `count` hypotheses of each image, and at least one, the likeliest first. Those that say the same, within half of the angle between two
 /// directions, are one, whose azimuth is their mean.
 pub fn hypotheses(guess: &ViewpointGuess<'_>, count: usize) -> Vec<Vec<Hypothesis>> {
     let [n, k] = guess.logits.dims();

@@ -1,6 +1,7 @@
 //! Networks that turn images into features.
 
 pub(crate) mod conv_front_end;
+pub(crate) mod imagenet;
 pub(crate) mod inception;
 pub(crate) mod pixel2mesh_encoder;
 pub(crate) mod resnet;

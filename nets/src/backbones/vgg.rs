@@ -19,7 +19,7 @@ const HIDDEN: usize = 4096;
 /// ```
 ///
 /// Images are `[N, H, W, 3]`. torchvision's weights expect them as
-/// `(x - (0.485, 0.456, 0.406)) / (0.229, 0.224, 0.225)`, which is the caller's affair.
+/// [`imagenet_normalized`](crate::imagenet_normalized) makes them, which is the caller's affair.
 ///
 /// ```
 /// use autodiff_lite::Tape;

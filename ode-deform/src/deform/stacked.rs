@@ -17,7 +17,7 @@ pub struct StackedConfig {
     pub features: usize,
     /// Columns that features are reduced to, once an image and the same at all times.
     pub feature_dim: usize,
-    /// Parts of equal length from time 0 to 1, each with weights of its own. At least 1.
+    /// Segments of equal length from time 0 to 1, each with weights of its own. At least 1.
     pub segments: usize,
     /// Columns between the two graph convolutions.
     pub hidden: usize,
@@ -47,9 +47,9 @@ impl StackedConfig {
     }
 }
 
-/// `dM/dt = A(v) (v - v̄) + b(v) + GCN_k([v; R f(v)])` of the vertices `v` of a mesh, `k` the part of the time.
+/// `dM/dt = A(v) (v - v̄) + b(v) + GCN_k([v; R f(v)])` of the vertices `v` of a mesh, `k` the segment of the time.
 ///
-/// - Two graph convolutions, with weights of their own in each part, on features `f` that a matrix `R` reduces to a few
+/// - Two graph convolutions, with weights of their own in each segment, on features `f` that a matrix `R` reduces to a few
 ///   columns. What separate residual blocks have at a fraction of their parameters: most of a block's are for reading features, of
 ///   a vertex and of its neighbours. Here the matrix that reads is shared, and neighbours send their states alone, since
 ///   what they see differs little.
@@ -60,7 +60,7 @@ impl StackedConfig {
 /// States and inputs are those of a [`DeformationField`](super::DeformationField), but for what is made of the maps by
 /// [`read`](Self::read).
 ///
-/// At the ends of the parts the velocity jumps. A method keeps its order if its steps end there.
+/// At the ends of the segments the velocity jumps. A method keeps its order if its steps end there.
 ///
 /// ```
 /// use autodiff_lite::{Activation, SparseMatrix, Tape};
@@ -92,7 +92,7 @@ impl StackedConfig {
 /// constant by parts.
 #[derive(Clone, Debug)]
 pub struct StackedField<F: Real = f32> {
-    /// `[features, reading]`.
+    /// `R`, `[features, feature_dim]`.
     pub reading: Param<F>,
     /// To the hidden columns. What stays at a vertex has rows of the state, then of what was read; what is sent, of the state.
     pub conv1: StackedConv<F>,
@@ -105,15 +105,15 @@ pub struct StackedField<F: Real = f32> {
 }
 impl_module!(StackedField { reading, conv1, conv2, affine } fixed { config, graph });
 
-/// Graph convolutions, one for each part of the time: `y = x loop_weight + A s weight + bias` of what stays at a vertex
+/// Graph convolutions, one for each segment of the time: `y = x loop_weight + A s weight + bias` of what stays at a vertex
 /// and what it sends; see [`ChebyshevConv`](nets::ChebyshevConv).
 #[derive(Clone, Debug)]
 pub struct StackedConv<F: Real = f32> {
-    /// `[pieces, in, out]`, for what arrives over the graph.
+    /// `[segments, in, out]`, for what arrives over the graph.
     pub weight: Param<F>,
-    /// `[pieces, in, out]`, for the vertex.
+    /// `[segments, in, out]`, for the vertex.
     pub loop_weight: Param<F>,
-    /// `[pieces, out]`.
+    /// `[segments, out]`.
     pub bias: Param<F>,
 }
 impl_module!(StackedConv { weight, loop_weight, bias });
@@ -131,13 +131,13 @@ impl<F: Real> StackedConv<F> {
 
     fn forward<'t>(
         &self,
-        piece: usize,
+        segment: usize,
         [sent, kept]: [Var<'t, F>; 2],
         graph: &SparseMatrix<F>,
         activation: Activation,
     ) -> Var<'t, F> {
         let tape = kept.tape();
-        let of = |param: &Param<F>| one(param, piece, tape);
+        let of = |param: &Param<F>| one(param, segment, tape);
         let own = kept.matmul(of(&self.loop_weight));
         let across = sent.matmul(of(&self.weight));
         tape.concat(&[own, across], 2).graph_sum(graph, Some(of(&self.bias)), activation)
@@ -153,15 +153,15 @@ impl<F: Real> StackedField<F> {
     /// On a graph `[V, V]`, for [`ChebyshevConv`](nets::ChebyshevConv).
     ///
     /// # Panics
-    /// If the field would have no part.
+    /// If the field would have no segment.
     #[track_caller]
     pub fn new(init: &Init, config: StackedConfig, graph: SparseMatrix<F>) -> Self {
         assert!(config.segments >= 1, "StackedField: no segments, expected 1 or more");
-        let StackedConfig { features, feature_dim: reading, segments, hidden, .. } = config;
+        let StackedConfig { features, feature_dim, segments, hidden, .. } = config;
         let (state, bound) = (config.state(), (3.0 / features.max(1) as f64).sqrt());
-        let first = [state, state + reading];
+        let first = [state, state + feature_dim];
         Self {
-            reading: init.at("reading").uniform(&[features, reading], -bound, bound),
+            reading: init.at("reading").uniform(&[features, feature_dim], -bound, bound),
             conv1: StackedConv::new(&init.at("conv1"), segments, first, hidden),
             conv2: StackedConv::new(&init.at("conv2"), segments, [hidden, hidden], state),
             affine: init.at("affine").zeros(&[features, AFFINE]),
@@ -201,22 +201,22 @@ impl<F: Real> StackedField<F> {
         tape.concat(&[turned, tape.constant(nothing)], 2)
     }
 
-    /// What is read where vertices with states `[N, V, 3..]` are seen: `[N, V, reading]`, and the affine flows there, `[N, V, 12]`.
+    /// What is read where vertices with states `[N, V, 3..]` are seen: `[N, V, feature_dim]`, and the affine flows there, `[N, V, 12]`.
     fn seen_by<'t>(
         &self,
         y: Var<'t, F>,
         camera: Var<'t, F>,
         maps: &[Var<'t, F>],
     ) -> [Var<'t, F>; 2] {
-        let ([n, v, _], reading) = (y.dims(), self.config.feature_dim);
-        let nothing = y.tape().pool().filled(&[n, v, reading + AFFINE], F::zero());
+        let ([n, v, _], columns) = (y.dims(), self.config.feature_dim);
+        let nothing = y.tape().pool().filled(&[n, v, columns + AFFINE], F::zero());
         let points = project_points(positions(y), camera);
         let seen = add_readings(y.tape().constant(nothing), maps, points, self.config.sampling);
-        [seen.slice_axis(2, 0..reading), seen.slice_axis(2, reading..reading + AFFINE)]
+        [seen.slice_axis(2, 0..columns), seen.slice_axis(2, columns..columns + AFFINE)]
     }
 
-    /// The part that a time is in. Sums of steps may end a rounding short of where a part begins.
-    fn piece(&self, t: f64) -> usize {
+    /// The segment that a time is in. Sums of steps may end a rounding short of where one begins.
+    fn segment(&self, t: f64) -> usize {
         let segments = self.config.segments;
         ((t * segments as f64 + 1e-9).max(0.0) as usize).min(segments - 1)
     }
@@ -225,14 +225,14 @@ impl<F: Real> StackedField<F> {
 impl<F: Real> VectorField<F> for StackedField<F> {
     #[track_caller]
     fn eval<'t>(&self, t: f64, y: Var<'t, F>, inputs: &[Var<'t, F>]) -> Var<'t, F> {
-        let (graph, piece) = (&self.graph, self.piece(t));
+        let (graph, segment) = (&self.graph, self.segment(t));
         let [camera, maps @ ..] = inputs else {
             panic!("StackedField: no inputs, expected cameras and feature maps");
         };
         let [seen, affine] = self.seen_by(y, *camera, maps);
         let x = y.tape().concat(&[y, seen], 2);
-        let hidden = self.conv1.forward(piece, [y, x], graph, self.config.activation);
-        let sums = self.conv2.forward(piece, [hidden, hidden], graph, Activation::None);
+        let hidden = self.conv1.forward(segment, [y, x], graph, self.config.activation);
+        let sums = self.conv2.forward(segment, [hidden, hidden], graph, Activation::None);
         sums * F::from_f64(self.config.output_scale) + self.turned(y, affine)
     }
 }
@@ -334,7 +334,7 @@ mod tests {
     }
 
     proptest! {
-        /// Within a part the time does not matter, and times outside of 0 to 1 belong to the first and the last.
+        /// Within a segment the time does not matter, and times outside of 0 to 1 belong to the first and the last.
         #[test]
         fn weights_are_those_of_the_part(t in -0.5f64..1.5) {
             let field = field(4, 0, MapSampling::Bilinear);
@@ -343,20 +343,20 @@ mod tests {
         }
     }
 
-    /// Eighths, tenths and thirds summed up: each step has the part that it begins.
+    /// Eighths, tenths and thirds summed up: each step has the segment that it begins.
     #[test]
     fn sums_of_steps_meet_the_parts() {
         for segments in [3, 8, 10] {
             let field = field(segments, 0, MapSampling::Bilinear);
             let mut t = 0.0;
-            for piece in 0..segments {
-                assert_eq!(field.piece(t), piece, "{t}");
+            for segment in 0..segments {
+                assert_eq!(field.segment(t), segment, "{t}");
                 t += 1.0 / segments as f64;
             }
         }
     }
 
-    /// To where the mesh began and to the maps, through all parts.
+    /// To where the mesh began and to the maps, through all segments.
     #[test]
     fn gradients_flow_through_all_parts() {
         let field = field(2, 0, MapSampling::Bilinear);
@@ -370,7 +370,7 @@ mod tests {
         testkit::check(&integrated, &inputs, &testkit::Options::default()).expect("exact rules");
     }
 
-    /// Direct recording is the reference; every entry of every part is reached.
+    /// Direct recording is the reference; every entry of every segment is reached.
     #[test]
     fn every_parameter_gets_the_same_gradient_from_both_adjoints() {
         let field = field(4, 1, MapSampling::Bilinear);
@@ -383,9 +383,9 @@ mod tests {
             let mut all = Vec::new();
             field.visit("", &mut |path: &str, param: &Param<f64>| {
                 let gradient = gradients.slice_of(param).unwrap_or_default();
-                let parts = if path.starts_with("conv") { 4 } else { 1 };
-                for part in gradient.chunks(gradient.len() / parts) {
-                    assert!(part.iter().any(|&g| g != 0.0), "{path}");
+                let segments = if path.starts_with("conv") { 4 } else { 1 };
+                for segment in gradient.chunks(gradient.len() / segments) {
+                    assert!(segment.iter().any(|&g| g != 0.0), "{path}");
                 }
                 all.extend_from_slice(gradient);
             });

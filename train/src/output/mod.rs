@@ -159,9 +159,14 @@ impl OutputFolder {
             for entry in fs::read_dir(files).map_err(io(files))? {
                 let entry = entry.map_err(io(files))?;
                 let place = target.join(entry.file_name());
-                if place.is_dir() {
-                    disk::remove_folder(&place).map_err(io(&place))?;
-                }
+                let own = entry.file_type().map_err(io(files))?;
+                // A folder goes before anything takes its name, and anything goes before a folder does. A link is no folder.
+                let removed = match fs::symlink_metadata(&place) {
+                    Ok(found) if found.is_dir() => disk::remove_folder(&place),
+                    Ok(_) if own.is_dir() => disk::remove_file(&place),
+                    _ => Ok(()),
+                };
+                removed.map_err(io(&place))?;
                 disk::rename(&entry.path(), &place).map_err(io(&place))?;
             }
             disk::sync_folder(target).map_err(io(target))?;
@@ -337,6 +342,24 @@ mod tests {
         assert_eq!(fs::read(target.join("mine")).unwrap(), b"keep");
         assert_eq!(fs::read(target.join("mesh.ply")).unwrap(), b"new");
         assert_eq!(fs::read_dir(place.path()).unwrap().count(), 1);
+    }
+
+    /// Files where folders are to be, and the other way round.
+    #[test]
+    fn an_entry_replaces_one_of_its_name_whatever_both_are() {
+        let place = tempfile::tempdir().unwrap();
+        let target = place.path().join("out");
+        fs::create_dir_all(target.join("mesh.ply/deep")).unwrap();
+        fs::write(target.join("sequence"), b"a file").unwrap();
+        let folder = OutputFolder::create(&target, true).unwrap();
+        folder.write("mesh.ply", b"new").unwrap();
+        fs::create_dir(folder.path().join("sequence")).unwrap();
+        folder.write("sequence/0.png", b"new").unwrap();
+        folder.commit().unwrap();
+        for name in ["mesh.ply", "sequence/0.png"] {
+            assert_eq!(fs::read(target.join(name)).unwrap(), b"new", "{name}");
+        }
+        assert_eq!(fs::read_dir(&target).unwrap().count(), 2);
     }
 
     #[test]

@@ -39,6 +39,10 @@ crate::options! {
         pub(super) unsolved: Option<u64> = None;
         /// Whether none of the terms counts.
         pub(super) weightless: bool = false;
+        /// What the loss is multiplied by at each of the first steps; the last number goes on.
+        pub(super) factors: Vec<f64> = Vec::new();
+        /// Whether a term of weight 0 is no number.
+        pub(super) unbounded: bool = false;
         /// The epoch before which the hidden layer doubles.
         #[serde(with = "crate::settings::optional")]
         pub(super) grow_at: Option<u64> = None;
@@ -192,7 +196,7 @@ impl System for Blob {
         &self,
         tape: &'t Tape,
         batch: &[Silhouette],
-        _: StepInfo,
+        at: StepInfo,
     ) -> Result<Terms<'t>, LossError> {
         let unsolved = self.options.unsolved.map(|item| format!("object {item}"));
         if batch.iter().any(|sample| Some(&sample.name) == unsolved.as_ref()) {
@@ -215,8 +219,13 @@ impl System for Blob {
             tape.push_update(BufferUpdate::new(&self.seen, mean, 0.25));
         }
         let [weight, less] = if self.options.weightless { [0.0; 2] } else { [1.0, 0.1] };
+        let factors = &self.options.factors;
+        let factor =
+            factors.get(at.step as usize).or_else(|| factors.last()).copied().unwrap_or(1.0);
+        let [weight, less] = [weight, less].map(|weight| factor * weight);
         let terms = Terms::new().with("mask", weight, mask).with("edge", less, edge);
-        Ok(terms.with("watched", 0.0, mask))
+        let unbounded = self.options.unbounded;
+        Ok(terms.with("watched", 0.0, if unbounded { mask.scale(f32::INFINITY) } else { mask }))
     }
 
     /// The three subsets are other ellipsoids each.

@@ -27,6 +27,8 @@ mod score;
 
 /// Weight of the past in the moving average of losses (Mesh R-CNN's 0.9).
 const MEMORY: f64 = 0.9;
+/// Steps in a row that are left out as spikes at most: as many as the average remembers.
+const SPIKES: u64 = 10;
 /// Steps between two comparisons of the processes' parameters.
 const COMPARED_EVERY: u64 = 100;
 
@@ -195,10 +197,12 @@ impl<S: System> Trainer<'_, '_, '_, S> {
         let mut gradient = self.gradient(at)?;
         self.state.step += 1;
         let (step, loss) = (self.state.step, gradient.loss());
-        let average = self.state.average;
-        if let (Some(average), Some(spike)) = (average, train.skip_spikes)
+        if let (Some(average), Some(spike)) = (self.state.average, train.skip_spikes)
+            && average > 0.0
             && loss > spike * average
+            && self.state.skipped < SPIKES
         {
+            self.state.skipped += 1;
             if let Some(record) = &mut self.record {
                 record.skipped([step, at.epoch], loss, average);
             }
@@ -206,7 +210,10 @@ impl<S: System> Trainer<'_, '_, '_, S> {
             self.tell(&Event::Skipped { step, loss, average });
             return Ok(());
         }
+        // After so many it is no spike but another level.
+        let average = self.state.average.filter(|_| self.state.skipped < SPIKES);
         self.state.average = Some(average.map_or(loss, |a| MEMORY * a + (1.0 - MEMORY) * loss));
+        self.state.skipped = 0;
         let factor = self.schedule.factor(at.step);
         self.update(&mut gradient, factor);
         let training = TrainingStep {

@@ -91,7 +91,7 @@ impl<S: System> Trainer<'_, '_, '_, S> {
     }
 
     fn is_best(&mut self) -> Result<bool, TrainError> {
-        let name = self.job.config.train.best.as_deref().unwrap_or(S::BEST);
+        let name = self.job.config.train.best_of::<S>();
         let Some(metric) = self.metrics.iter().find(|metric| metric.name == name) else {
             let metrics = self.metrics.iter().map(|metric| metric.name.clone()).collect();
             return Err(TrainError::NoSuchMetric { name: name.to_owned(), metrics });

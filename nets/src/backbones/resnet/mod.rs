@@ -22,7 +22,7 @@ use crate::{Conv2d, Init, Linear, Norm};
 ///
 /// Sizes are halved with halves rounded up: 137 pixels give maps of 35, 18, 9 and 5. Images are
 /// `[N, H, W, C]`. torchvision's weights expect them as
-/// `(x - (0.485, 0.456, 0.406)) / (0.229, 0.224, 0.225)`, which is the caller's affair, and load
+/// [`imagenet_normalized`](crate::imagenet_normalized) makes them, which is the caller's affair, and load
 /// with [`LoadWeights::partial`](crate::LoadWeights::partial) (its files have a classifier, and
 /// count batches); for a stem of four channels
 /// [`LoadWeights::widen`](crate::LoadWeights::widen) copies the three that are there.
