@@ -17,7 +17,7 @@ use super::error::CheckpointError;
 use super::fingerprint::Fingerprint;
 use super::inherited::Inherited;
 use super::optimizer::{AnyOptimizer, OptimizerState};
-use super::system::System;
+use super::system::{System, best_of};
 use crate::output::disk::write_whole;
 use crate::settings::Tabular as _;
 
@@ -246,7 +246,7 @@ impl<'a> Checkpoint<'a> {
         let (system, mut state) = self.rebuild::<S>(config, &mut scratch)?;
         let before = Configuration::<S::Config>::from_text(self.entry("config")?)
             .map_err(|error| self.wrong("config", "damaged", error.message()))?;
-        if before.train.best_of::<S>() != config.train.best_of::<S>() {
+        if best_of::<S>(&before.train) != best_of::<S>(&config.train) {
             // It is a value of another metric.
             state.best = None;
         }

@@ -6,7 +6,6 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use toml::Table;
 
 use crate::settings::{LARGEST, Options, Reads, Tabular, above_to, date, reads};
-use crate::system::System;
 
 crate::options! {
     /// Options of the training loop, each with the default that [`TrainConfig::default`] gives.
@@ -135,11 +134,6 @@ impl TrainConfig {
                 .push(format!("`milestones` is {:?}, expected ascending epochs", self.milestones));
         }
         problems
-    }
-
-    /// The name of the metric that chooses the best checkpoint of a system.
-    pub(super) fn best_of<S: System>(&self) -> &str {
-        self.best.as_deref().unwrap_or(S::BEST)
     }
 
     /// The schedule in steps, for epochs of `steps_per_epoch` steps and `total` steps in all.

@@ -6,7 +6,7 @@ use std::path::Path;
 use autodiff_lite::{Module, Tape, Var};
 use serde::{Deserialize, Serialize};
 
-use super::config::Configuration;
+use super::config::{Configuration, TrainConfig};
 use super::draw::Draw;
 use super::error::{DataError, LossError, PredictError};
 use super::optimizer::OptimizerState;
@@ -156,6 +156,11 @@ pub trait System: Module<f32> + Send + Sync + Sized {
     /// # Errors
     /// Why it cannot be applied to this input.
     fn predict(&self, input: &Self::Input) -> Result<Self::Prediction, PredictError>;
+}
+
+/// The name of the metric that chooses the best checkpoint of a system.
+pub(super) fn best_of<S: System>(config: &TrainConfig) -> &str {
+    config.best.as_deref().unwrap_or(S::BEST)
 }
 
 /// Where data comes from.

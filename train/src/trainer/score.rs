@@ -4,7 +4,7 @@ use super::{Trainer, in_pool};
 use crate::error::TrainError;
 use crate::progress::Event;
 use crate::subset::Subset;
-use crate::system::System;
+use crate::system::{System, best_of};
 
 impl<S: System> Trainer<'_, '_, '_, S> {
     /// [`end_epoch`](Self::end_epoch), and where it fails a checkpoint: the steps are good, and who goes on makes up for the
@@ -91,7 +91,7 @@ impl<S: System> Trainer<'_, '_, '_, S> {
     }
 
     fn is_best(&mut self) -> Result<bool, TrainError> {
-        let name = self.job.config.train.best_of::<S>();
+        let name = best_of::<S>(&self.job.config.train);
         let Some(metric) = self.metrics.iter().find(|metric| metric.name == name) else {
             let metrics = self.metrics.iter().map(|metric| metric.name.clone()).collect();
             return Err(TrainError::NoSuchMetric { name: name.to_owned(), metrics });
