@@ -349,6 +349,34 @@ mod tests {
         }
     }
 
+    /// Pixel2Mesh's samples are in its own lengths already; training on them has to stay in those.
+    #[test]
+    fn points_of_published_samples_are_trained_on_as_they_are_in_the_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let points = SurfacePoints {
+            positions: vec![[0.1, 0.2, -0.8], [0.0, 0.3, -0.7]],
+            normals: vec![[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]],
+        };
+        let mut image = mesh_core::ByteImage::new(28, 28, 3);
+        image.data.fill(255);
+        image.data[3 * (14 * 28 + 7)..3 * (14 * 28 + 14)].fill(40);
+        let sample =
+            datasets::pixel2mesh::Sample { picture: Some(image), points: points.clone() };
+        let file = folder.path().join("02691156_a_00.dat");
+        datasets::pixel2mesh::write_sample(&file, &sample).unwrap();
+        let config = PairsConfig { image_size: 32, ..PairsConfig::default() };
+        let options = ReadOptions::default();
+        let (path, seed) = (Some(folder.path()), 0);
+        let source = Source { path, options: &options, seed, progress: &|_, _| {} };
+        let pairs = Pairs::open(&config, &source).unwrap();
+        let truth = pairs.pair(0, 0).unwrap().truth;
+        for (found, expected) in truth.positions.iter().zip(&points.positions) {
+            assert!((0..3).all(|k| (found[k] - expected[k]).abs() < 1e-6), "{found:?} {expected:?}");
+        }
+        assert_eq!(truth.positions.len(), 2);
+        assert_eq!(truth.normals, points.normals);
+    }
+
     #[test]
     fn a_mesh_without_area_is_no_surface() {
         let config = PairsConfig {

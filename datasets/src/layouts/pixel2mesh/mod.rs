@@ -3,9 +3,10 @@
 //! A sample is a pickle, as Python 2 wrote it: in the original an array `[N, 6]` of points and
 //! normals, with the image in a `.png` of the same name; in the PyTorch ports a list of the
 //! image, bytes `[H, W, 3]` over white, and that array. Points are in the camera's frame (x right,
-//! y up, looking along -z), of the object scaled so that its distance is the metadata's ratio. So
-//! every sample is an entry of its own, `<model>/<view>`, with one view whose camera stands at the
-//! origin.
+//! y up, looking along -z), of the object times [`SCALE`], which brings its distance from 1.75 times
+//! the metadata's ratio to the ratio. [`Sample`] has them as they are in the file; as truth they are
+//! in ShapeNet's own lengths, as those of every other layout. So every sample is an entry of its own,
+//! `<model>/<view>`, with one view whose camera stands at the origin.
 //!
 //! Where an image has no alpha the mask is what is not white. Some ports keep the channels in
 //! the order of OpenCV, which no file says.
@@ -32,6 +33,8 @@ use crate::read::{Pending, Reading, read_pending};
 use crate::source::Source;
 use crate::view::{Layout, Views};
 
+/// What the points of samples are ShapeNet's lengths times (Pixel2Mesh, `3_camera_transform.py`).
+pub const SCALE: f64 = 0.57;
 /// No list of samples is longer than this: the published ones have some 5 MB.
 const LIST_BYTES: u64 = 1 << 28;
 /// What a line of a list takes: a path and an entry, and both again while their lists grow.
@@ -205,7 +208,11 @@ impl Dataset for Pixel2Mesh {
     }
 
     fn truth(&self, object: usize) -> Result<Truth, ReadViewsError> {
-        Ok(Truth { points: Some(self.sample(object)?.points), ..Truth::default() })
+        let mut points = self.sample(object)?.points;
+        for p in &mut points.positions {
+            *p = p.map(|x| (f64::from(x) / SCALE) as f32);
+        }
+        Ok(Truth { points: Some(points), ..Truth::default() })
     }
 }
 
