@@ -138,8 +138,8 @@ pub use diffusion::DiffusionSolver;
 pub use examination::Examination;
 pub use health::Health;
 pub use image::{
-    ByteImage, DepthMap, DisparityMap, GroundPlane, Image, Pixels, bilinear, linear_to_srgb,
-    srgb_to_linear,
+    ByteImage, DepthMap, DisparityMap, GroundPlane, Image, Pixels, bilinear, bilinear_repeat,
+    linear_to_srgb, srgb_to_linear,
 };
 #[cfg(feature = "images")]
 pub use image::{

@@ -29,7 +29,8 @@ pub struct TriMesh {
 /// An image and how it lies on the faces of a mesh.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Texture {
-    /// Texture coordinates; `(0, 0)` is the bottom-left corner of the image, v goes up.
+    /// Texture coordinates; `(0, 0)` is the bottom-left corner of the image, v goes up. Beyond 0 to 1 the image is
+    /// repeated.
     pub uvs: Vec<[f32; 2]>,
     /// For each face of the mesh, three indices into `uvs`.
     pub faces: Vec<[u32; 3]>,

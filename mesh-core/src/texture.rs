@@ -3,10 +3,10 @@
 use std::borrow::Cow;
 
 use crate::vector::interpolate;
-use crate::{SurfacePoint, Texture, TriMesh, bilinear};
+use crate::{SurfacePoint, Texture, TriMesh, bilinear_repeat};
 
 impl Texture {
-    /// The colour at a texture coordinate, bilinear; outside of the image that of its border.
+    /// The colour at a texture coordinate, bilinear; beyond 0 to 1 the image is repeated, as OBJ and glTF (by default) have it.
     ///
     /// # Panics
     /// If the image has no pixels.
@@ -17,7 +17,7 @@ impl Texture {
             std::array::from_fn(|c| texel[c.min(image.channels - 1)])
         };
         let place = [u * image.width as f32 - 0.5, (1.0 - v) * image.height as f32 - 0.5];
-        bilinear([image.width, image.height], place, texel)
+        bilinear_repeat([image.width, image.height], place, texel)
     }
 
     /// The colour at a place of the surface.
@@ -60,10 +60,11 @@ mod tests {
     fn colors_of_places() {
         // Red to the left, green to the right.
         let image = Image { height: 1, width: 2, channels: 3, data: vec![1., 0., 0., 0., 1., 0.] };
-        let uvs = vec![[0.25, 0.5], [0.75, 0.5], [9.0, -9.0]];
+        let uvs = vec![[0.25, 0.5], [0.75, 0.5], [9.75, -9.0]];
         let texture = Texture { uvs, faces: vec![[0, 1, 2]], image };
         assert_eq!(texture.color([0.5, 0.5]), [0.5, 0.5, 0.0]);
-        assert_eq!(texture.color([-7.0, 2.0]), [1.0, 0.0, 0.0]);
+        assert_eq!(texture.color([-6.75, 2.0]), [1.0, 0.0, 0.0]);
+        assert_eq!(texture.color([3.75, 0.5]), [0.0, 1.0, 0.0]);
         let point = SurfacePoint { face: 0, barycentric: [0.75, 0.25, 0.0] };
         assert_eq!(texture.color_at(&point), [0.75, 0.25, 0.0]);
 

@@ -37,6 +37,13 @@ fn obj_polygons_negative_indices_and_mixed_corners() {
 fn obj_weights_and_partly_colored_vertices() {
     let mesh = obj_of("v 0 0 0 1\nv 1 0 0 0.5 0.25 0\nv 1 1 0\nf 1 2 3 # end");
     assert_eq!(mesh.colors, Some(vec![[1.0; 3], [0.5, 0.25, 0.0], [1.0; 3]]));
+    // A channel of 1 is nearly black there, and a vertex without a colour white.
+    let bytes = obj_of("v 0 0 0 1 200 30\nv 1 0 0 0 0 0\nv 1 1 0\nf 1 2 3");
+    close(
+        &bytes.colors.unwrap(),
+        &[[1.0 / 255.0, 200.0 / 255.0, 30.0 / 255.0], [0.0; 3], [1.0; 3]],
+        1e-6,
+    );
     let bytes = obj_of("v 0 0 0 255 0 51\nv 1 0 0 0 0 0\nv 1 1 0 102 0 0\nf 1 2 3");
     assert_eq!(bytes.colors, Some(vec![[1.0, 0.0, 0.2], [0.0; 3], [0.4, 0.0, 0.0]]));
 }
@@ -88,6 +95,27 @@ fn obj_as_exporters_of_all_systems_write_it() {
         let (mesh, remarks) = remarks_of(text);
         assert_eq!((&mesh, remarks.len()), (&plain, 0), "{:?}", String::from_utf8_lossy(text));
     }
+}
+
+#[test]
+fn colors_of_materials_are_those_of_their_vertices() {
+    let folder = tempfile::tempdir().unwrap();
+    let library =
+        "newmtl red\nKd 1 0 0\nnewmtl sky\nKd 0.25 0.5 1\nnewmtl odd\nKd spectral a.rfl\n";
+    fs::write(folder.path().join("m.mtl"), library).unwrap();
+    let corners = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 2 2 2\n";
+    let read = |faces: &str| {
+        let file = folder.path().join("m.obj");
+        fs::write(&file, format!("{corners}{faces}")).unwrap();
+        let mut remarks = Vec::new();
+        let mesh = obj::read_with(&file, &Limits::default(), &mut remarks).unwrap();
+        (mesh.colors, remarks.iter().map(ToString::to_string).collect::<Vec<_>>())
+    };
+    let (red, sky, white) = ([1.0, 0.0, 0.0], [0.25, 0.5, 1.0], [1.0; 3]);
+    let (colors, remarks) = read("usemtl red\nf 1 2 3\nusemtl sky\nf 1 3 4\n");
+    assert_eq!(colors, Some(vec![red, red, red, sky, white]));
+    assert_eq!(remarks, ["2 corners take the colour of another material at the same vertex"]);
+    assert_eq!(read("usemtl odd\nf 1 2 3\nusemtl none\nf 1 3 4\n"), (None, vec![]));
 }
 
 #[test]
@@ -294,6 +322,23 @@ fn ply_big_endian_is_little_endian_turned_round() {
     assert_eq!(mesh.faces, [[0, 1, 2]]);
 }
 
+/// A texture that lies on some faces only is kept, and said.
+#[test]
+fn ply_faces_without_texture_coordinates_are_counted() {
+    let folder = tempfile::tempdir().unwrap();
+    mesh_core::write_png(folder.path().join("t.png"), &mesh_core::ByteImage::new(1, 1, 3)).unwrap();
+    let text = "ply\nformat ascii 1.0\ncomment TextureFile t.png\nelement vertex 4\nproperty float x\n\
+                property float y\nproperty float z\nelement face 2\nproperty list uchar int vertex_indices\n\
+                property list uchar float texcoord\nend_header\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n\
+                3 0 1 2 6 0 0 1 0 1 1\n3 0 2 3 0\n";
+    let file = folder.path().join("m.ply");
+    fs::write(&file, text).unwrap();
+    let mut remarks = Vec::new();
+    let mesh = ply::read_with(&file, &Limits::default(), &mut remarks).unwrap();
+    assert_eq!(mesh.texture.unwrap().faces.len(), 2);
+    assert!(remarks.len() == 1 && remarks[0].to_string().starts_with("3 corners"), "{remarks:?}");
+}
+
 #[test]
 fn ply_textures_by_vertex_and_by_corner() {
     let folder = tempfile::tempdir().unwrap();
@@ -385,6 +430,63 @@ fn glb_transforms_small_indices_strides_and_normalized_colors() {
     assert!(error.contains("KHR_draco"), "{error}");
     let outside = json.replace("\"byteOffset\":48", "\"byteOffset\":17");
     assert!(glb::decode(&glb_of(&outside, &bin), "a.glb").is_err());
+}
+
+/// In glTF a texture is multiplied by its material's colour and by its vertices'; parts without it have colours of their own.
+#[test]
+fn glb_textures_are_multiplied_by_their_material() {
+    let image = mesh_core::encode_png(&mesh_core::ByteImage {
+        height: 1,
+        width: 1,
+        channels: 3,
+        data: vec![200, 100, 255],
+    });
+    let mut bin = Vec::new();
+    for p in [[0.0_f32, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]] {
+        bin.extend(p.iter().flat_map(|v| v.to_le_bytes()));
+    }
+    for uv in [[0.0_f32, 0.0], [3.0, 0.0], [0.0, 1.0]] {
+        bin.extend(uv.iter().flat_map(|v| v.to_le_bytes()));
+    }
+    let length = image.len();
+    bin.extend(&image);
+    bin.resize(bin.len().next_multiple_of(4), 0);
+    let json = |primitives: &str| {
+        let surface = r#"{"pbrMetallicRoughness":{"baseColorFactor":[0.5,1,0,1],"baseColorTexture":{"index":0}}}"#;
+        let plain = r#"{"pbrMetallicRoughness":{"baseColorFactor":[1,0,0,1]}}"#;
+        format!(
+            r#"{{"asset":{{"version":"2.0"}},"scenes":[{{"nodes":[0]}}],"nodes":[{{"mesh":0}}],
+            "meshes":[{{"primitives":[{primitives}]}}],"materials":[{surface},{plain}],
+            "textures":[{{"source":0}}],"images":[{{"bufferView":2,"mimeType":"image/png"}}],
+            "accessors":[{{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"}},
+              {{"bufferView":1,"componentType":5126,"count":3,"type":"VEC2"}}],
+            "bufferViews":[{{"buffer":0,"byteLength":36}},{{"buffer":0,"byteOffset":36,"byteLength":24}},
+              {{"buffer":0,"byteOffset":60,"byteLength":{length}}}],
+            "buffers":[{{"byteLength":{}}}]}}"#,
+            bin.len()
+        )
+    };
+    let textured = r#"{"attributes":{"POSITION":0,"TEXCOORD_0":1},"material":0}"#;
+    let read = |primitives: &str| {
+        let bytes = glb_of(&json(primitives), &bin);
+        let mut remarks = Vec::new();
+        let mesh = glb::decode_with(&bytes, "a.glb", &Limits::default(), &mut remarks).unwrap();
+        (mesh, remarks.iter().map(ToString::to_string).collect::<Vec<_>>())
+    };
+    let (mesh, remarks) = read(textured);
+    assert!(remarks.is_empty() && mesh.colors.is_none(), "{remarks:?}");
+    let texture = mesh.texture.as_ref().unwrap();
+    // Half of the light of 200 is 146.
+    close(&[texture.color([0.5, 0.5])], &[[146.0 / 255.0, 100.0 / 255.0, 0.0]], 0.5 / 255.0);
+    let written = glb::encode(&mesh).unwrap();
+    assert!(written.windows(13).any(|w| w == b"\"wrapS\":10497"), "tiled, and not repeated");
+    let plain = r#"{"attributes":{"POSITION":0},"material":1}"#;
+    let (mesh, remarks) = read(&format!("{textured},{plain}"));
+    assert!(mesh.colors.is_none() && remarks.len() == 1, "{remarks:?}");
+    assert!(remarks[0].contains("3 corners take (0, 0)"), "{remarks:?}");
+    let tinted = textured.replace("\"POSITION\":0,", "\"POSITION\":0,\"COLOR_0\":0,");
+    let (mesh, remarks) = read(&format!("{textured},{tinted}"));
+    assert!(mesh.colors.is_none() && remarks[0].starts_with("1 part: colours"), "{remarks:?}");
 }
 
 #[test]

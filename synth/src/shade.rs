@@ -1,7 +1,7 @@
 //! Light on a mesh: what each corner of each face looks like, from wherever it is seen.
 
 use mesh_core::vector::{dot, interpolate, sub};
-use mesh_core::{TriMesh, bilinear, linear_to_srgb, srgb_to_linear};
+use mesh_core::{TriMesh, bilinear_repeat, linear_to_srgb, srgb_to_linear};
 use serde::{Deserialize, Serialize};
 
 /// Light that does not depend on the viewer, so that all views of a surface agree.
@@ -192,7 +192,7 @@ impl Albedo {
             Self::Corners(colors) => interpolate(weights, &colors[face]),
             Self::Texture { height, width, data, corners } => {
                 let place = interpolate(weights, &corners[face]);
-                bilinear([*width, *height], place, |i, j| data[i * width + j])
+                bilinear_repeat([*width, *height], place, |i, j| data[i * width + j])
             }
         }
     }

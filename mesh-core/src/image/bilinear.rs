@@ -31,6 +31,33 @@ pub fn bilinear<const K: usize>(
     })
 }
 
+/// As [`bilinear`], outside of the image what it shows when it is repeated: what OBJ and, by default, glTF say of texture
+/// coordinates beyond 0 to 1.
+///
+/// ```
+/// let values = [[0.0, 1.0], [2.0, 3.0]];
+/// let at = |place| mesh_core::bilinear_repeat([2, 2], place, |row, column| [values[row][column]]);
+/// assert_eq!(at([1.0, 0.0]), [1.0]);
+/// assert_eq!(at([2.0, 0.0]), [0.0]);
+/// assert_eq!(at([-1.0, 3.0]), [3.0]);
+/// ```
+///
+/// # Panics
+/// If there are no values.
+#[inline]
+pub fn bilinear_repeat<const K: usize>(
+    size: [usize; 2],
+    place: [f32; 2],
+    value: impl Fn(usize, usize) -> [f32; K],
+) -> [f32; K] {
+    let inside = std::array::from_fn(|axis| {
+        let (x, length) = (place[axis], size[axis] as f32);
+        // The image reaches half a pixel beyond the centres of its outer pixels.
+        if x < -0.5 || x > length - 0.5 { (x + 0.5).rem_euclid(length) - 0.5 } else { x }
+    });
+    bilinear(size, inside, value)
+}
+
 /// The values before and after a place, and how far it is from the first to the second.
 #[inline]
 fn between(place: f32, count: usize) -> (usize, usize, f32) {

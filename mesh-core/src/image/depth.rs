@@ -41,15 +41,18 @@ pub struct DisparityMap {
     pub data: Vec<f32>,
 }
 
-/// Files write "nothing here" as 1e10 (Blender), 65504 (half floats) or infinity; depths of real
-/// scenes end well below this.
+/// Files write "nothing here" as 1e10 (Blender), infinity, or the largest half float; depths of real
+/// scenes end well below the first.
 #[cfg(feature = "exr")]
 const FAR: f32 = 1e9;
+/// The largest half float, which is what a writer of halves makes of 1e10.
+#[cfg(feature = "exr")]
+const LARGEST_HALF: f32 = 65504.0;
 
 /// The depth of a pixel as a file holds it: `+inf` for each of the markers of a hole.
 #[cfg(feature = "exr")]
 pub(super) fn from_file(value: f32) -> f32 {
-    if value.is_finite() && value < FAR { value } else { f32::INFINITY }
+    if value.is_finite() && value < FAR && value != LARGEST_HALF { value } else { f32::INFINITY }
 }
 
 /// The depth of a pixel as files hold it: 1e10, Blender's marker, where nothing is seen.

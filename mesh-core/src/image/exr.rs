@@ -335,7 +335,7 @@ mod tests {
         let map = decode_depth(&foreign(None, &[("Z", 2.0)]), "a.exr").unwrap();
         let inf = f32::INFINITY;
         assert_eq!(map, DepthMap { height: 2, width: 3, data: vec![inf, inf, inf, inf, 2.0, 2.0] });
-        for hole in [1e9, 65504e6, f32::NAN, f32::INFINITY] {
+        for hole in [1e9, 65504.0, f32::NAN, f32::INFINITY] {
             let map = decode_depth(&foreign(None, &[("Z", hole)]), "a.exr").unwrap();
             assert_eq!(map.data[4], inf);
         }

@@ -23,7 +23,7 @@ mod pfm;
 mod png;
 mod resize;
 
-pub use bilinear::bilinear;
+pub use bilinear::{bilinear, bilinear_repeat};
 pub use color::{linear_to_srgb, srgb_to_linear};
 pub use depth::{DepthMap, DisparityMap};
 #[cfg(feature = "images")]

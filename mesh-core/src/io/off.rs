@@ -9,8 +9,8 @@ use super::{ReadMeshError, Remark};
 use crate::{Budget, TriMesh};
 
 readers! {
-    /// Reads an OFF file; polygons become fans of triangles, colours and normals are passed over, faces of
-    /// one or two corners and triangles that name a vertex twice left out.
+    /// Reads an OFF file; polygons become fans of triangles, colours of vertices are read, those of faces
+    /// and normals passed over, faces of one or two corners and triangles that name a vertex twice left out.
     ///
     /// # Errors
     /// The file cannot be read or ends early, a number is unreadable or not finite, or an index is out
@@ -53,17 +53,31 @@ fn parse(contents: Contents<'_>, remarks: &mut Vec<Remark>) -> Result<TriMesh, R
     }
     let text = String::from_utf8_lossy(&bytes);
     let mut lines = Lines { path, rest: text.lines().enumerate() };
-    let [vertices, faces] = counts(&mut lines)?;
-    let positions = positions(&mut lines, vertices, &mut budget)?;
+    let Header { vertices, faces, color } = header(&mut lines)?;
+    let (positions, colors) = corners(&mut lines, vertices, color, &mut budget)?;
     let faces = triangles(&mut lines, faces, vertices, &mut budget, remarks)?;
-    Ok(TriMesh { positions, faces, ..TriMesh::default() })
+    Ok(TriMesh { positions, faces, colors, texture: None })
 }
 
-/// How many vertices and faces there are.
-fn counts(lines: &mut Lines<'_>) -> Result<[usize; 2], ReadMeshError> {
+/// How many vertices and faces there are, and behind how many numbers of a vertex its colour.
+struct Header {
+    vertices: usize,
+    faces: usize,
+    color: Option<usize>,
+}
+
+fn header(lines: &mut Lines<'_>) -> Result<Header, ReadMeshError> {
     let (line, first) = lines.next("header", "OFF")?;
-    // Letters before it say what follows the coordinates of a vertex.
-    let plain = ["ST", "C", "N"].iter().fold(first, |rest, p| rest.strip_prefix(p).unwrap_or(rest));
+    // Letters before it say what follows the coordinates of a vertex: a normal, then a colour.
+    let mut plain = first;
+    let mut takes = |letters: &str| {
+        let rest = plain.strip_prefix(letters);
+        plain = rest.unwrap_or(plain);
+        rest.is_some()
+    };
+    takes("ST");
+    let (colored, with_normal) = (takes("C"), takes("N"));
+    let color = colored.then_some(if with_normal { 6 } else { 3 });
     let counts =
         plain.strip_prefix("OFF").ok_or_else(|| lines.bad(line, "header", first, "OFF"))?;
     // Some files have the counts on the first line.
@@ -73,16 +87,19 @@ fn counts(lines: &mut Lines<'_>) -> Result<[usize; 2], ReadMeshError> {
     let (Some(Ok(vertices)), Some(Ok(faces))) = (words.next(), words.next()) else {
         return Err(lines.bad(line, "counts", counts, "how many vertices and faces there are"));
     };
-    Ok([vertices, faces])
+    Ok(Header { vertices, faces, color })
 }
 
-fn positions(
+/// Positions, and colours where the file has them: whole numbers to 255, or up to 1.
+fn corners(
     lines: &mut Lines<'_>,
     vertices: usize,
+    color: Option<usize>,
     budget: &mut Budget,
-) -> Result<Vec<[f32; 3]>, ReadMeshError> {
+) -> Result<(Vec<[f32; 3]>, Option<Vec<[f32; 3]>>), ReadMeshError> {
     let over = ReadMeshError::over_limit(lines.path);
-    let mut positions = Vec::new();
+    let (mut positions, mut colors) = (Vec::new(), Vec::new());
+    let mut largest = 255.0;
     for _ in 0..vertices {
         let (line, text) = lines.next("vertices", "as many as the header counts")?;
         let mut numbers = text.split_whitespace().map_while(|word| word.parse::<f32>().ok());
@@ -92,8 +109,19 @@ fn positions(
             return Err(lines.bad(line, "vertex", text, "three finite numbers"));
         }
         budget.push(&mut positions, position).map_err(&over)?;
+        let Some(before) = color else { continue };
+        let mut color = [1.0; 3];
+        for (out, word) in color.iter_mut().zip(text.split_whitespace().skip(before)) {
+            *out = word.parse().ok().filter(|c: &f32| c.is_finite()).ok_or_else(|| {
+                lines.bad(line, "colour of the vertex", text, "three finite numbers")
+            })?;
+            largest = if word.contains('.') { 1.0 } else { largest };
+        }
+        budget.push(&mut colors, color).map_err(&over)?;
     }
-    Ok(positions)
+    let unit = |c: [f32; 3]| c.map(|c: f32| (c / largest).clamp(0.0, 1.0));
+    colors.iter_mut().for_each(|c| *c = unit(*c));
+    Ok((positions, color.map(|_| colors)))
 }
 
 /// The faces as fans of triangles; what is left out of them goes into `remarks`.
@@ -109,7 +137,10 @@ fn triangles(
     let (mut short, mut first_short, mut repeated) = (0, None, 0);
     for _ in 0..faces {
         let (line, text) = lines.next("faces", "as many as the header counts")?;
-        let bad = || lines.bad(line, "face", text, "a count, then as many indices of vertices");
+        let bad = || {
+            let expected = format!("a count, then as many indices of vertices, below {vertices}");
+            lines.bad(line, "face", text, &expected)
+        };
         let mut words = text.split_whitespace().map(str::parse::<usize>);
         let count = words.next().and_then(Result::ok).ok_or_else(bad)?;
         if count < 3 {
@@ -117,8 +148,11 @@ fn triangles(
             first_short.get_or_insert(line);
             continue;
         }
-        let mut corners = words.map_while(Result::ok).filter(|&index| index < vertices);
-        let mut take = || corners.next().ok_or_else(bad);
+        // What follows the indices is a colour.
+        let mut take = || {
+            let index = words.next().and_then(Result::ok);
+            index.filter(|&index| index < vertices).ok_or_else(bad)
+        };
         let (first, mut last) = (take()? as u32, take()? as u32);
         for _ in 2..count {
             let corner = take()? as u32;
@@ -143,6 +177,29 @@ mod tests {
 
     fn message(text: &str) -> String {
         decode(text.as_bytes(), "a.off").unwrap_err().to_string()
+    }
+
+    #[test]
+    fn colors_of_vertices_are_bytes_or_up_to_one() {
+        let colors = |text: &str| decode(text.as_bytes(), "a.off").unwrap().colors.unwrap();
+        let face = "3 0 1 2\n";
+        let bytes =
+            format!("COFF\n3 1 0\n0 0 0 255 0 51 255\n1 0 0 1 0 0 255\n0 1 0 0 0 0 255\n{face}");
+        assert_eq!(colors(&bytes)[..2], [[1.0, 0.0, 0.2], [1.0 / 255.0, 0.0, 0.0]]);
+        let unit =
+            format!("CNOFF\n3 1 0\n0 0 0 0 0 1 1 0 0.5\n1 0 0 0 0 1 0 0 0\n0 1 0 0 0 1\n{face}");
+        assert_eq!(colors(&unit), [[1.0, 0.0, 0.5], [0.0; 3], [1.0; 3]]);
+        assert!(message("COFF\n1 0 0\n0 0 0 x 0 0\n").contains("colour"));
+    }
+
+    /// A colour behind the corners is no corner in place of a wrong one.
+    #[test]
+    fn indices_out_of_range_are_named() {
+        let corners = "OFF\n4 1 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n";
+        for face in ["3 0 1 7 2 0 0", "3 0 x 1 2", "4 0 1 2"] {
+            let found = message(&format!("{corners}{face}\n"));
+            assert!(found.contains(face) && found.contains("face"), "{found}");
+        }
     }
 
     #[test]

@@ -39,6 +39,16 @@ pub enum Remark {
         /// How many faces or parts would have them.
         count: usize,
     },
+    /// Parts whose texture would be multiplied by colours of their vertices, or by another colour than the first part's.
+    OtherTints {
+        /// How many.
+        count: usize,
+    },
+    /// Corners whose vertex has the colour of another material, of which a face is before theirs.
+    BetweenColors {
+        /// How many.
+        count: usize,
+    },
     /// Parts that consist of lines.
     Lines {
         /// How many.
@@ -91,6 +101,17 @@ impl fmt::Display for Remark {
             Self::OtherTextures { count } => {
                 let parts = crate::counted(*count, "other part");
                 write!(f, "a mesh holds one texture: that of {parts} left out")
+            }
+            Self::OtherTints { count } => {
+                let parts = plural(*count, "part", "parts");
+                write!(
+                    f,
+                    "{count} {parts}: colours that its texture would be multiplied by left out"
+                )
+            }
+            Self::BetweenColors { count } => {
+                let take = plural(*count, "corner takes", "corners take");
+                write!(f, "{count} {take} the colour of another material at the same vertex")
             }
             Self::Lines { count } => {
                 let parts = plural(*count, "part that consists", "parts that consist");

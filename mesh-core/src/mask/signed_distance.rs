@@ -72,7 +72,8 @@ impl Mask {
 /// The lower envelope of the parabolas `(x - q)^2 + f(q)`.
 struct Envelope {
     apex: Vec<usize>,
-    start: Vec<f32>,
+    /// In doubles: squares of columns beyond 4096 are no floats.
+    start: Vec<f64>,
 }
 
 impl Envelope {
@@ -84,14 +85,15 @@ impl Envelope {
         if f.is_empty() {
             return;
         }
-        let square = |q: usize| (q * q) as f32;
+        let square = |q: usize| (q * q) as f64;
         let mut last = 0;
         self.apex[0] = 0;
-        self.start[0] = f32::NEG_INFINITY;
+        self.start[0] = f64::NEG_INFINITY;
         for q in 1..f.len() {
             loop {
                 let p = self.apex[last];
-                let meet = ((f[q] + square(q)) - (f[p] + square(p))) / (2.0 * (q - p) as f32);
+                let raised = |q: usize| f64::from(f[q]) + square(q);
+                let meet = (raised(q) - raised(p)) / (2.0 * (q - p) as f64);
                 if meet > self.start[last] {
                     last += 1;
                     self.apex[last] = q;
@@ -107,7 +109,7 @@ impl Envelope {
         }
         let mut k = 0;
         for (x, o) in out.iter_mut().enumerate() {
-            while k < last && self.start[k + 1] < x as f32 {
+            while k < last && self.start[k + 1] < x as f64 {
                 k += 1;
             }
             let d = x as f32 - self.apex[k] as f32;
@@ -150,6 +152,23 @@ mod tests {
             .map(|k| away(k / n, k % n) - radius - d[k])
             .fold((0.0, 0), |(s, c), e| (s + e, c + 1));
         assert!((mean.0 / mean.1 as f32).abs() < 0.1, "bias {}", mean.0 / mean.1 as f32);
+    }
+
+    /// Squares of columns beyond 4096 are no floats.
+    #[test]
+    fn long_rows_are_exact() {
+        let row = Mask::from_fn(1, 9000, |_, j| j % 4 == 3);
+        let expected = |j: usize| [0.5, 1.5, 0.5, -0.5][j % 4];
+        let distance = row.signed_distance(0.0).data;
+        assert!((0..8999).all(|j| j < 3 || distance[j] == expected(j)));
+        let f: Vec<f32> = (0..9000).map(|q| ((q * 7919) % 40) as f32).collect();
+        let mut out = vec![0.0; f.len()];
+        Envelope::new(f.len()).transform(&f, &mut out);
+        for (x, found) in out.iter().enumerate() {
+            let near = x.saturating_sub(7)..(x + 8).min(f.len());
+            let least = near.map(|q| x.abs_diff(q).pow(2) as f32 + f[q]).fold(f32::MAX, f32::min);
+            assert_eq!(*found, least, "{x}");
+        }
     }
 
     #[test]

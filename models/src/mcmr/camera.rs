@@ -5,7 +5,7 @@ use std::f64::consts::{PI, TAU};
 use autodiff_lite::{Tape, Var};
 use mesh_core::iou;
 use ndarray::{Array1, Array2};
-use train::{DataError, Terms};
+use train::{DataError, Subset, Terms};
 
 use super::config::RotationLoss;
 use super::data::Data;
@@ -27,7 +27,9 @@ impl Mcmr {
         let lens = lens_of(&self.config);
         let looked_at = data.trained().iter().take(LOOKED_AT);
         let views = looked_at
-            .map(|&object| Ok(data.photo(object)?.plain(&self.config).pose.viewpoint(lens)))
+            .map(|&object| {
+                Ok(data.photo(object)?.plain(Subset::Train, &self.config).pose.viewpoint(lens))
+            })
             .collect::<Result<Vec<_>, DataError>>()?;
         begin_at(head, &views);
         Ok(())
@@ -238,7 +240,8 @@ mod tests {
     fn the_outline_chooses() {
         let (system, data) = system(McmrConfig::default());
         let lens = lens_of(&system.config);
-        let mut sample = data.photo(data.trained()[0]).unwrap().plain(&system.config);
+        let mut sample =
+            data.photo(data.trained()[0]).unwrap().plain(Subset::Train, &system.config);
         let tape = Tape::eval();
         let mut predicted = system.predicted(&tape, &[&sample]);
         let body: Vec<f32> = system
@@ -278,7 +281,8 @@ mod tests {
         let own = McmrConfig { own_cameras_at: Some(3), ..McmrConfig::default() };
         let (system, data) = system(own);
         let lens = lens_of(&system.config);
-        let mut sample = data.photo(data.trained()[0]).unwrap().plain(&system.config);
+        let mut sample =
+            data.photo(data.trained()[0]).unwrap().plain(Subset::Train, &system.config);
         let tape = Tape::eval();
         let mut predicted = system.predicted(&tape, &[&sample]);
         predicted.place = tape.constant(arr2(&[[1.0, 0.1, -0.2]]));
@@ -316,7 +320,7 @@ mod tests {
         let samples: Vec<Sample> = data
             .trained()
             .iter()
-            .map(|&object| data.photo(object).unwrap().plain(&system.config))
+            .map(|&object| data.photo(object).unwrap().plain(Subset::Train, &system.config))
             .collect();
         let tape = Tape::eval();
         let guess = system.predicted(&tape, &samples.iter().collect::<Vec<_>>()).viewpoint.unwrap();

@@ -3,6 +3,7 @@
 use nets::NormKind;
 use serde::{Deserialize, Serialize};
 use synth::{PoseNoise, families_named};
+use train::Subset;
 use train::settings::{LARGEST, Options as _, above_to};
 
 use crate::parts::counts;
@@ -147,6 +148,13 @@ train::options! {
         pub jitter: f64 = 0.05, in 0.0..=0.5;
         /// Around the object's box, in lengths of the box.
         pub margin: f64 = 0.1, in 0.0..=1.0;
+        /// The same of tests and predictions, 0 published; without, that of training and validation.
+        #[serde(with = "train::settings::optional")]
+        pub test_margin: Option<f64> = None, in 0.0..=1.0;
+        /// Whether what is not the object is black before the network sees it, so that a photograph's background does not
+        /// matter where masks are known; published is the whole photograph. Images that are black there already stay as they
+        /// are.
+        pub cut_out: bool = true;
         /// One of so many objects is held out where the data has no lists of its own, by a hash of its name: half of these
         /// for validation, half for tests. Without, scores are of what was trained on.
         #[serde(with = "train::settings::optional")]
@@ -203,6 +211,12 @@ pub enum RotationLoss {
 }
 
 impl McmrConfig {
+    /// Around the object's box in images of a subset, in lengths of the box.
+    pub(super) fn margin_in(&self, subset: Subset) -> f64 {
+        let of_tests = self.test_margin.filter(|_| subset == Subset::Test);
+        of_tests.unwrap_or(self.margin)
+    }
+
     /// Seed of the data that is made; 0 where neither the options nor a run say one.
     pub fn data_seed(&self) -> u64 {
         self.data_seed.unwrap_or(0)

@@ -31,6 +31,7 @@ pub struct Data {
     kinds: Vec<usize>,
     categories: Vec<String>,
     perceptual: Arc<PerceptualMetrics>,
+    cut_out: bool,
     hash: u64,
 }
 
@@ -104,18 +105,27 @@ impl Data {
         let cache = ViewCache::new(dataset, options);
         let parts = cache.parts(config.hold_out)?;
         let fingerprint = cache.fingerprint();
-        let mut data =
-            Self { cache, rough, truths, turns, parts, kinds, categories, perceptual, hash: 0 };
+        let mut data = Self {
+            cache,
+            rough,
+            truths,
+            turns,
+            parts,
+            kinds,
+            categories,
+            perceptual,
+            cut_out: config.cut_out,
+            hash: 0,
+        };
         let first = data.parts.train.iter().take(HASHED);
-        let hash = first.map(|&object| Ok(data.photo(object)?.plain(config))).try_fold(
-            fingerprint,
-            |hash, sample: Result<Sample, DataError>| {
+        let hash = first
+            .map(|&object| Ok(data.photo(object)?.plain(Subset::Train, config)))
+            .try_fold(fingerprint, |hash, sample: Result<Sample, DataError>| {
                 let sample = sample?;
                 let pose = sample.pose.projection(super::photo::lens_of(config));
                 let pose: Vec<u8> = pose.iter().flat_map(|x| x.to_le_bytes()).collect();
                 Ok::<_, DataError>(hash.with(&sample.image).with(&sample.mask).with(&pose))
-            },
-        )?;
+            })?;
         data.hash = hash.value();
         Ok(data)
     }
@@ -135,16 +145,17 @@ impl Data {
         parts::wanted(&self.parts, subset)
     }
 
-    /// The photographs of objects as they are scored: neither moved nor mirrored.
+    /// The photographs of a subset's objects as they are scored: neither moved nor mirrored.
     ///
     /// # Errors
     /// If a file cannot be read.
     pub(super) fn samples(
         &self,
         objects: &[usize],
+        subset: Subset,
         config: &McmrConfig,
     ) -> Result<Vec<Sample>, DataError> {
-        parts::of_all(objects.len(), |i| Ok(self.photo(objects[i])?.plain(config)))
+        parts::of_all(objects.len(), |i| Ok(self.photo(objects[i])?.plain(subset, config)))
     }
 
     pub(super) fn summary(&self) -> DataSummary {
@@ -186,7 +197,7 @@ impl Data {
     pub(super) fn photo(&self, object: usize) -> Result<Arc<Photo>, DataError> {
         let rough = &self.rough[object];
         let identity = self.cache.identity(object);
-        let prepare = |view: &datasets::View| Photo::new(view, rough, identity);
+        let prepare = |view: &datasets::View| Photo::new(view, rough, identity, self.cut_out);
         Ok(self.cache.views(object, &[0], &prepare)?.swap_remove(0))
     }
 

@@ -24,7 +24,7 @@ impl Mcmr {
         let listed = data.wanted(subset)?;
         let shown = SHOWN.min(listed.len());
         let listed: Vec<usize> = (0..shown).map(|i| listed[i * listed.len() / shown]).collect();
-        let samples = data.samples(&listed, &self.config)?;
+        let samples = data.samples(&listed, subset, &self.config)?;
         let pairs = self.in_batches(&samples, SHOWN, &|_| None, |tape, predicted, _, samples| {
             let poses = self.poses(tape, &predicted, samples);
             let drawn = self.drawn(tape, &predicted, &poses);
@@ -52,7 +52,7 @@ impl Mcmr {
         data: &Data,
         subset: Subset,
     ) -> Result<Vec<ViewPair>, DataError> {
-        let samples = data.samples(data.wanted(subset)?, &self.config)?;
+        let samples = data.samples(data.wanted(subset)?, subset, &self.config)?;
         let weights = self.in_batches(&samples, 16, &|_| None, |_, predicted, _, samples| {
             let weights = predicted.weights.value();
             (0..samples.len()).map(|i| row(&weights, i)).collect::<Vec<_>>()

@@ -16,7 +16,7 @@ impl MeshPairs for Mcmr {
         let named = |&&object: &&usize| data.name(object) == name;
         let Some(&object) = data.listed(Subset::Test).iter().find(named) else { return Ok(None) };
         let Some(truth) = data.truth(object)? else { return Ok(None) };
-        let sample = data.photo(object)?.plain(&self.config);
+        let sample = data.photo(object)?.plain(Subset::Test, &self.config);
         let mesh = self.mesh_of_sample(&sample);
         let truth = (*truth).clone();
         Ok(Some(MeshPair { name: name.to_owned(), mesh: Some(mesh), truth }))

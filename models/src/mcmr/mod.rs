@@ -316,7 +316,7 @@ impl System for Mcmr {
     }
 
     fn show(&self, data: &Data, subset: Subset) -> Result<Shown, DataError> {
-        let sample = data.photo(data.wanted(subset)?[0])?.plain(&self.config);
+        let sample = data.photo(data.wanted(subset)?[0])?.plain(subset, &self.config);
         let tape = Tape::eval();
         let mesh = self.mesh_of(&self.predicted(&tape, &[&sample]), 0);
         Ok(Shown { views: self.gallery_of_shapes(data, subset)?, scene: Some(scene_of(&mesh)) })

@@ -5,7 +5,7 @@ use mesh_core::{ByteImage, Camera, Lens};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use synth::PoseNoise;
-use train::DataError;
+use train::{DataError, Subset};
 
 use super::config::McmrConfig;
 use super::pose::{CommonLens, Pose};
@@ -44,9 +44,16 @@ pub(super) enum Rough {
 }
 
 impl Photo {
+    /// A view, what is not the object black if it is to be `cut_out`.
+    ///
     /// # Errors
     /// If the mask is empty.
-    pub(super) fn new(view: &View, rough: &Rough, object: u64) -> Result<Self, DataError> {
+    pub(super) fn new(
+        view: &View,
+        rough: &Rough,
+        object: u64,
+        cut_out: bool,
+    ) -> Result<Self, DataError> {
         let Some([top, left, height, width]) = view.mask_bounds() else {
             return Err(DataError::Unfit(format!("{}: its mask is empty", view.name)));
         };
@@ -58,7 +65,7 @@ impl Photo {
         };
         Ok(Self {
             name: view.name.clone(),
-            color: view.color.clone(),
+            color: if cut_out { cut_out_of(view) } else { view.color.clone() },
             mask: view.mask.clone(),
             camera,
             rough,
@@ -73,9 +80,9 @@ impl Photo {
         [0.5 * (left + right - side), 0.5 * (top + bottom - side), side]
     }
 
-    /// The crop that is scored and predicted from.
-    pub(super) fn plain(&self, config: &McmrConfig) -> Sample {
-        self.cut(self.square(config.margin), [false; 2], config)
+    /// The crop of a subset that is scored and predicted from.
+    pub(super) fn plain(&self, subset: Subset, config: &McmrConfig) -> Sample {
+        self.cut(self.square(config.margin_in(subset)), [false; 2], config)
     }
 
     /// A random crop.
@@ -124,7 +131,7 @@ pub(super) fn lens_of(config: &McmrConfig) -> CommonLens {
 pub struct Sample {
     /// What it is called in messages.
     pub(super) name: String,
-    /// What the network sees, `[S, S, 3]`, background and all.
+    /// What the network sees, `[S, S, 3]`.
     pub(super) image: Vec<u8>,
     /// What its prediction is compared with, `[S, S, 3]`.
     pub(super) target: Vec<u8>,
@@ -172,6 +179,35 @@ pub(super) fn cropped(camera: &Camera, [left, top, square]: [f64; 3], side: usiz
         }
     };
     Camera { lens, width: side, height: side, ..camera.clone() }
+}
+
+/// An image with black around its object. As it is where it has black there, soft edges included: pixels that the edge of the mask
+/// touches may be both.
+fn cut_out_of(view: &View) -> ByteImage {
+    /// Of 255: what a JPEG makes of black.
+    const BLACK: u8 = 8;
+    let (mut color, mask) = (view.color.clone(), &view.mask);
+    let is_object = |i: usize, j: usize| mask.data[i * mask.width + j] >= 128;
+    let is_near = |i: usize, j: usize| {
+        let rows = i.saturating_sub(1)..(i + 2).min(mask.height);
+        let columns = j.saturating_sub(1)..(j + 2).min(mask.width);
+        rows.into_iter().any(|i| columns.clone().any(|j| is_object(i, j)))
+    };
+    let around = || (0..mask.height).flat_map(|i| (0..mask.width).map(move |j| (i, j)));
+    let is_black = |&(i, j): &(usize, usize)| {
+        let k = (i * mask.width + j) * color.channels;
+        color.data[k..k + color.channels].iter().all(|&c| c <= BLACK)
+    };
+    if around().filter(|&(i, j)| !is_near(i, j)).all(|at| is_black(&at)) {
+        return color;
+    }
+    let channels = color.channels;
+    for (pixel, &mask) in color.data.chunks_exact_mut(channels).zip(&mask.data) {
+        if mask < 128 {
+            pixel.fill(0);
+        }
+    }
+    color
 }
 
 /// A square of an image as `[side, side, C]`: means of bilinear samples, black beyond the border.
@@ -241,7 +277,7 @@ mod tests {
         let camera =
             Camera::look_at([1.2, 0.6, 1.4], [0.1, 0.05, 0.0], [0.0, 1.0, 0.0], 0.7, 200, 160);
         let views = render_views(&mesh, &[camera], &RenderOptions::default(), &|_, _| ()).unwrap();
-        Photo::new(&views[0], &Rough::Exact, 0).unwrap()
+        Photo::new(&views[0], &Rough::Exact, 0, true).unwrap()
     }
 
     /// The outline of the ellipsoid's points under a pose: lowest and highest x and y.
@@ -295,6 +331,42 @@ mod tests {
         assert_eq!(row, [4, 5, 6, 1, 2, 3, 10, 11, 12, 7, 8, 9]);
     }
 
+    /// Whatever an object stands before, the network sees the same.
+    #[test]
+    fn backgrounds_do_not_matter() {
+        let mesh = icosphere(3).scaled([0.3, 0.2, 0.5]).colored([0.9, 0.3, 0.1]);
+        let camera =
+            Camera::look_at([1.2, 0.6, 1.4], [0.1, 0.05, 0.0], [0.0, 1.0, 0.0], 0.7, 200, 160);
+        let before = |background: [f32; 3]| {
+            let look = RenderOptions { background, ..RenderOptions::default() };
+            let camera = camera.clone();
+            render_views(&mesh, &[camera], &look, &|_, _| ()).unwrap().remove(0)
+        };
+        let image = |view: &View, cut_out: bool| {
+            let photo = Photo::new(view, &Rough::Exact, 0, cut_out).unwrap();
+            photo.plain(Subset::Test, &McmrConfig::default()).image
+        };
+        let difference = |a: &[u8], b: &[u8]| {
+            let all = a.iter().zip(b).map(|(&a, &b)| f64::from(a.abs_diff(b)));
+            all.sum::<f64>() / a.len() as f64
+        };
+        let (black, white) = (before([0.0; 3]), before([1.0; 3]));
+        assert_eq!(image(&black, true), image(&black, false), "was black before");
+        assert!(difference(&image(&black, true), &image(&white, true)) < 2.0);
+        assert!(difference(&image(&black, true), &image(&white, false)) > 50.0);
+    }
+
+    #[test]
+    fn margins_of_tests_are_their_own() {
+        let photo = photo();
+        let config = McmrConfig { test_margin: Some(0.0), ..McmrConfig::default() };
+        let width = |subset| {
+            let [left, right, ..] = photo.plain(subset, &config).bounds(64).unwrap();
+            right - left
+        };
+        assert!(width(Subset::Test) > 1.9 && width(Subset::Validation) < 1.8);
+    }
+
     #[test]
     fn noise_is_of_the_object_and_not_of_the_crop() {
         let photo = photo();
@@ -308,13 +380,13 @@ mod tests {
         };
         let noise = Rough::Noisy(PoseNoise::default(), 3);
         let [a, b, c] =
-            [(0, 7), (1, 7), (2, 8)].map(|(_, k)| Photo::new(&view, &noise, k).unwrap());
+            [(0, 7), (1, 7), (2, 8)].map(|(_, k)| Photo::new(&view, &noise, k, true).unwrap());
         assert_eq!(a.rough, b.rough);
         assert_ne!(a.rough, c.rough);
         assert_ne!(a.rough, a.camera);
         let blank =
             View { mask: ByteImage { data: vec![0; 200 * 160], ..view.mask.clone() }, ..view };
-        let error = Photo::new(&blank, &noise, 0).unwrap_err().to_string();
+        let error = Photo::new(&blank, &noise, 0, true).unwrap_err().to_string();
         assert!(error.contains("mask"), "{error}");
     }
 }

@@ -4,7 +4,7 @@ use autodiff_lite::Tape;
 use datasets::View;
 use mesh_core::{Camera, TriMesh};
 
-use train::PredictError;
+use train::{PredictError, Subset};
 
 use super::model::Predicted;
 use super::photo::{Photo, Rough, cropped, lens_of};
@@ -38,13 +38,16 @@ impl McmrPrediction {
 impl Mcmr {
     /// Applies the network to one photograph, cropped to its mask.
     pub(super) fn predict_view(&self, view: &View) -> Result<McmrPrediction, PredictError> {
-        let photo = Photo::new(view, &Rough::Exact, 0)?;
-        let sample = photo.plain(&self.config);
+        let photo = Photo::new(view, &Rough::Exact, 0, self.config.cut_out)?;
+        let sample = photo.plain(Subset::Test, &self.config);
         let tape = Tape::eval();
         let predicted = self.predicted(&tape, &[&sample]);
         let pose = self.poses(&tape, &predicted, std::slice::from_ref(&sample))[0];
-        let camera: Camera =
-            cropped(&view.camera, photo.square(self.config.margin), self.config.image_size);
+        let camera: Camera = cropped(
+            &view.camera,
+            photo.square(self.config.margin_in(Subset::Test)),
+            self.config.image_size,
+        );
         Ok(McmrPrediction {
             mesh: self.mesh_of(&predicted, 0),
             weights: row(&predicted.weights.value(), 0),

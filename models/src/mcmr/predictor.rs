@@ -50,7 +50,10 @@ impl Predictor for Mcmr {
         of_each(objects.len(), most, |k| {
             let photo = data.photo(objects[k])?;
             let family = data.category(objects[k]).1.to_owned();
-            Ok(Sighting { family, features: self.features(&photo.plain(&self.config)) })
+            Ok(Sighting {
+                family,
+                features: self.features(&photo.plain(Subset::Test, &self.config)),
+            })
         })
     }
 }

@@ -95,7 +95,7 @@ impl Data {
     pub fn mean_color(&self, config: &McmrConfig) -> Result<[f32; 3], DataError> {
         let (mut sums, mut all) = ([0.0_f64; 3], 0.0);
         for &object in self.trained().iter().take(MEAN_OF) {
-            let sample = self.photo(object)?.plain(config);
+            let sample = self.photo(object)?.plain(Subset::Train, config);
             for (color, &mask) in sample.target.as_chunks::<3>().0.iter().zip(&sample.mask) {
                 let share = f64::from(mask) / 255.0;
                 all += share;

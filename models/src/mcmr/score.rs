@@ -237,7 +237,7 @@ impl Mcmr {
             return Err(DataError::Unfit(text));
         }
         let kinds: Vec<usize> = objects.iter().map(|&object| data.category(object).0).collect();
-        let samples = data.samples(objects, &self.config)?;
+        let samples = data.samples(objects, subset, &self.config)?;
         let weights =
             |of: std::ops::Range<usize>| replaced.selection.weights(&kinds[of], self.config.shapes);
         // Half of all away: beside it are objects of the same category.

@@ -282,7 +282,7 @@ fn a_subdivision_is_not_seen() {
     let data = Data::synthetic(&config).unwrap();
     let mut system = Mcmr::new(&config, 1);
     let drawn = |system: &Mcmr| {
-        let sample = data.photo(0).unwrap().plain(&config);
+        let sample = data.photo(0).unwrap().plain(Subset::Validation, &config);
         let tape = Tape::eval();
         let mut predicted = system.predicted(&tape, &[&sample]);
         // The offsets of middles are not middles of offsets.
@@ -324,17 +324,17 @@ fn collections_on_disk_have_their_rough_poses() {
     let config = tiny();
     let data = Data::open(&config, &source).unwrap();
     let object = data.trained()[0];
-    let sample = data.photo(object).unwrap().plain(&config);
+    let sample = data.photo(object).unwrap().plain(Subset::Validation, &config);
     assert_ne!(sample.pose, sample.true_pose);
     let poses = read_rough_poses(&folder.join("car/0000")).unwrap();
     assert!(poses[0].camera != poses[0].rough);
     assert!(data.truth(object).unwrap().is_some());
     let made = Data::synthetic(&config).unwrap();
-    let other = made.photo(0).unwrap().plain(&config);
+    let other = made.photo(0).unwrap().plain(Subset::Validation, &config);
     assert_ne!(other.pose, other.true_pose);
     let exact = McmrConfig { pose_noise: [0.0; 3], ..config.clone() };
     let exact_data = Data::synthetic(&exact).unwrap();
-    let exact_sample = exact_data.photo(0).unwrap().plain(&exact);
+    let exact_sample = exact_data.photo(0).unwrap().plain(Subset::Validation, &exact);
     assert_eq!(exact_sample.image, other.image);
     assert!((exact_sample.pose.scale - exact_sample.true_pose.scale).abs() < 1e-9);
     assert_ne!(made.fingerprint(), exact_data.fingerprint());
@@ -357,7 +357,7 @@ fn a_prediction_stands_in_the_world_of_its_photograph() {
     let world = found.mesh_in_world();
     world.validate().unwrap();
     // The middle of the mesh's frame lands where the pose says, in the square around the object.
-    let photo = Photo::new(&view, &photo::Rough::Exact, 0).unwrap();
+    let photo = Photo::new(&view, &photo::Rough::Exact, 0, false).unwrap();
     let [left, top, side] = photo.square(config.margin);
     let middle = found.to_world.map(|row| row[3]);
     let seen = view.camera.project(middle);
@@ -410,7 +410,7 @@ fn an_object_has_its_own_rough_pose() {
     let pose = |objects: usize| {
         let config = McmrConfig { objects, families: vec!["car".into()], ..tiny() };
         let data = Data::synthetic(&config).unwrap();
-        data.photo(data.listed(Subset::Test)[0]).unwrap().plain(&config).pose
+        data.photo(data.listed(Subset::Test)[0]).unwrap().plain(Subset::Validation, &config).pose
     };
     assert_eq!(pose(2), pose(5));
 }
@@ -462,7 +462,8 @@ fn what_stands_in_the_place_of_a_part_is_what_it_says() {
 fn what_is_blind_learns_the_mean_object() {
     let config = McmrConfig { blind: true, objects: 8, test_objects: 3, ..tiny() };
     let data = Data::synthetic(&config).unwrap();
-    let [a, b] = [0, 1].map(|object| data.photo(object).unwrap().plain(&config).image);
+    let [a, b] =
+        [0, 1].map(|object| data.photo(object).unwrap().plain(Subset::Validation, &config).image);
     let correlation = |x: &[u8], y: &[u8]| {
         let mean = |v: &[u8]| v.iter().map(|&b| f64::from(b)).sum::<f64>() / v.len() as f64;
         let (mx, my) = (mean(x), mean(y));

@@ -360,8 +360,7 @@ mod tests {
         let mut image = mesh_core::ByteImage::new(28, 28, 3);
         image.data.fill(255);
         image.data[3 * (14 * 28 + 7)..3 * (14 * 28 + 14)].fill(40);
-        let sample =
-            datasets::pixel2mesh::Sample { picture: Some(image), points: points.clone() };
+        let sample = datasets::pixel2mesh::Sample { picture: Some(image), points: points.clone() };
         let file = folder.path().join("02691156_a_00.dat");
         datasets::pixel2mesh::write_sample(&file, &sample).unwrap();
         let config = PairsConfig { image_size: 32, ..PairsConfig::default() };
@@ -371,7 +370,10 @@ mod tests {
         let pairs = Pairs::open(&config, &source).unwrap();
         let truth = pairs.pair(0, 0).unwrap().truth;
         for (found, expected) in truth.positions.iter().zip(&points.positions) {
-            assert!((0..3).all(|k| (found[k] - expected[k]).abs() < 1e-6), "{found:?} {expected:?}");
+            assert!(
+                (0..3).all(|k| (found[k] - expected[k]).abs() < 1e-6),
+                "{found:?} {expected:?}"
+            );
         }
         assert_eq!(truth.positions.len(), 2);
         assert_eq!(truth.normals, points.normals);

@@ -11,15 +11,15 @@ use super::{BIN, JSON, MAGIC};
 use crate::io::open::{Contents, readers};
 use crate::io::remark::counted;
 use crate::io::{ReadMeshError, Remark};
-use crate::{Budget, Image, Limits, TriMesh, decode_image_with, linear_to_srgb};
+use crate::{Budget, Image, Limits, TriMesh, decode_image_with, linear_to_srgb, srgb_to_linear};
 
 readers! {
     /// Reads the triangles of a GLB file's scene as one mesh, nodes' transforms applied.
     ///
     /// Vertices that files split at seams of normals or texture coordinates are joined again where
     /// position and colour are the same bits; what this crate wrote without a texture has no such seams
-    /// and stays as it is. Vertex colours come back as sRGB. One texture is kept, lines and triangles that
-    /// name a vertex twice are left out: see [`read_with`].
+    /// and stays as it is. Vertex colours come back as sRGB. One texture is kept, multiplied by its material's colour; on parts
+    /// without it its corner (0, 0) lies. Lines and triangles that name a vertex twice are left out: see [`read_with`].
     ///
     /// # Errors
     /// The file cannot be read, is no GLB 2.0, needs an extension that changes its geometry
@@ -50,6 +50,10 @@ pub(super) struct Glb<'a> {
 struct LeftOut {
     lines: usize,
     textures: usize,
+    /// Parts whose texture would be multiplied by colours of its own.
+    tints: usize,
+    /// Corners of parts without the texture.
+    bare: usize,
 }
 
 fn assemble(contents: Contents<'_>, remarks: &mut Vec<Remark>) -> Result<TriMesh, ReadMeshError> {
@@ -68,12 +72,31 @@ fn assemble(contents: Contents<'_>, remarks: &mut Vec<Remark>) -> Result<TriMesh
             glb.primitive(primitive, &transform, &mut soup, budget, &mut left_out)?;
         }
     }
-    let image = soup.image.map(|index| glb.image(index, limits)).transpose()?;
+    let mut image = soup.image.map(|index| glb.image(index, limits)).transpose()?;
+    if let Some(image) = &mut image {
+        tinted(image, soup.tint);
+        // A mesh has colours or a texture.
+        soup.colors.clear();
+        counted(remarks, left_out.bare, |count| Remark::MissingTexcoords { count });
+    }
     let (mesh, repeated) = soup.joined(image, budget).map_err(&over)?;
     counted(remarks, left_out.lines, |count| Remark::Lines { count });
     counted(remarks, left_out.textures, |count| Remark::OtherTextures { count });
+    counted(remarks, left_out.tints, |count| Remark::OtherTints { count });
     counted(remarks, repeated, |count| Remark::RepeatedVertices { count });
     Ok(mesh)
+}
+
+/// Multiplies what a texture shows by a colour of linear light, as glTF has it.
+fn tinted(image: &mut Image, tint: [f32; 3]) {
+    if tint == [1.0; 3] {
+        return;
+    }
+    for pixel in image.data.chunks_exact_mut(3) {
+        for (c, t) in pixel.iter_mut().zip(tint) {
+            *c = linear_to_srgb((srgb_to_linear(*c) * t).clamp(0.0, 1.0));
+        }
+    }
 }
 
 impl<'a> Glb<'a> {
@@ -216,13 +239,20 @@ impl<'a> Glb<'a> {
             primitive.material.map(|m| self.get(&self.document.materials, m, "material"));
         let material = material.transpose()?;
         let surface = material.map(|m| &m.pbr_metallic_roughness);
+        let factor =
+            surface.and_then(|s| s.base_color_factor).map_or([1.0; 3], |f| [f[0], f[1], f[2]]);
+        let mut textured = false;
         if let Some(info) = surface.and_then(|s| s.base_color_texture.as_ref()) {
             let texture = self.get(&self.document.textures, info.index, "texture")?;
             let usable =
                 info.tex_coord == 0 && soup.image.is_none_or(|i| texture.source == Some(i));
             match (primitive.attributes.texcoord, texture.source) {
                 (Some(texcoord), Some(source)) if usable => {
+                    if soup.image.is_none() {
+                        soup.tint = factor;
+                    }
                     soup.image = Some(source);
+                    textured = true;
                     self.texcoords(texcoord, base, count, soup, budget)?;
                 }
                 _ => left_out.textures += 1,
@@ -230,12 +260,16 @@ impl<'a> Glb<'a> {
         }
         let own = self.document.asset.generator.starts_with(super::GENERATOR);
         soup.split |= primitive.attributes.normal.is_some() && !own;
-        let factor =
-            surface.and_then(|s| s.base_color_factor).map_or([1.0; 3], |f| [f[0], f[1], f[2]]);
-        if primitive.attributes.color.is_some() || factor != [1.0; 3] {
-            self.vertex_colors(primitive.attributes.color, factor, base, count, soup, budget)?;
+        let color = primitive.attributes.color;
+        if textured {
+            left_out.tints += usize::from(color.is_some() || factor != soup.tint);
+        } else if color.is_some() || factor != [1.0; 3] {
+            self.vertex_colors(color, factor, base, count, soup, budget)?;
         }
-        self.faces(primitive, mode, transform, base, soup, budget)
+        let before = soup.faces.len();
+        self.faces(primitive, mode, transform, base, soup, budget)?;
+        left_out.bare += if textured { 0 } else { 3 * (soup.faces.len() - before) };
+        Ok(())
     }
 
     fn texcoords(

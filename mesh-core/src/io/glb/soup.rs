@@ -2,7 +2,6 @@
 
 use crate::{Budget, Image, OverLimit, Texture, TriMesh};
 
-#[derive(Default)]
 pub(super) struct Soup {
     pub(super) positions: Vec<[f32; 3]>,
     /// sRGB; as many as positions up to the last part that has colours, empty where none has.
@@ -14,6 +13,15 @@ pub(super) struct Soup {
     pub(super) split: bool,
     /// The image in use.
     pub(super) image: Option<usize>,
+    /// What it is multiplied by, in linear light.
+    pub(super) tint: [f32; 3],
+}
+
+impl Default for Soup {
+    fn default() -> Self {
+        let (positions, colors, uvs, faces) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        Self { positions, colors, uvs, faces, split: false, image: None, tint: [1.0; 3] }
+    }
 }
 
 impl Soup {

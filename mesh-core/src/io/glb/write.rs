@@ -199,9 +199,11 @@ fn mode(corners: &Corners, parts: &mut Parts) -> String {
 fn texture(mesh: &TriMesh, parts: &mut Parts) -> (&'static str, String) {
     let Some(texture) = &mesh.texture else { return ("", String::new()) };
     let view = parts.view(encode_png(&texture.image.to_bytes()), None);
+    let repeated = texture.uvs.iter().flatten().any(|x| !(0.0..=1.0).contains(x));
+    let wrap = if repeated { 10_497 } else { 33_071 };
     let images = format!(
         ",\"textures\":[{{\"source\":0,\"sampler\":0}}],\
-         \"samplers\":[{{\"magFilter\":9729,\"minFilter\":9987,\"wrapS\":33071,\"wrapT\":33071}}],\
+         \"samplers\":[{{\"magFilter\":9729,\"minFilter\":9987,\"wrapS\":{wrap},\"wrapT\":{wrap}}}],\
          \"images\":[{{\"bufferView\":{view},\"mimeType\":\"image/png\"}}]"
     );
     ("\"baseColorTexture\":{\"index\":0},", images)

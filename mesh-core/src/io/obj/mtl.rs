@@ -1,13 +1,13 @@
-//! The one thing that is read from material libraries: which image lies on which material.
+//! What is read from material libraries: which image lies on which material, and else its colour.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use super::lines::{Lines, split_word};
-use super::parse::Parsed;
+use super::parse::{Parsed, UNCOLORED};
 use crate::io::open::{Root, folder_of};
 use crate::io::regular;
-use crate::io::remark::not_read;
+use crate::io::remark::{counted, not_read};
 use crate::io::{NotRead, ReadMeshError, Remark};
 use crate::{Budget, Limits};
 
@@ -17,10 +17,12 @@ struct MapFile {
     library: usize,
 }
 
-/// For each material that the mesh uses, its `map_Kd`.
+/// For each material that the mesh uses, its `map_Kd` and its `Kd`.
 #[derive(Default)]
 pub(super) struct Materials {
     maps: Vec<Option<MapFile>>,
+    /// sRGB.
+    colors: Vec<Option<[f32; 3]>>,
     /// The folders of the libraries, from which the names of their images start.
     folders: Vec<PathBuf>,
 }
@@ -36,6 +38,7 @@ impl Materials {
     ) -> Result<Self, ReadMeshError> {
         let mut materials = Self::default();
         materials.maps.resize_with(parsed.names.len(), || None);
+        materials.colors.resize(parsed.names.len(), None);
         let mut defined = vec![false; parsed.names.len()];
         let mut seen = BTreeSet::new();
         for names in &parsed.libraries {
@@ -94,11 +97,48 @@ impl Materials {
                         self.maps[material] = Some(map);
                     }
                 }
+                "Kd" => {
+                    if let Some(material) = current {
+                        self.colors[material] = color(rest);
+                    }
+                }
                 _ => {}
             }
         }
         self.folders.push(folder.to_owned());
         Ok(())
+    }
+
+    /// Colours of the vertices by the materials of their faces, the first face's where several have one; white where none has.
+    /// Empty where no material in use has a colour, or all are white.
+    pub(super) fn vertex_colors(
+        &self,
+        parsed: &Parsed,
+        budget: &mut Budget,
+        remarks: &mut Vec<Remark>,
+    ) -> Result<Vec<[f32; 3]>, crate::OverLimit> {
+        let white = [1.0; 3];
+        let is_colored = |m: usize| self.colors[m].is_some_and(|color| color != white);
+        let mut colors = Vec::new();
+        if !parsed.used().any(is_colored) {
+            return Ok(colors);
+        }
+        budget.fill(&mut colors, parsed.positions.len(), UNCOLORED, 0)?;
+        let mut between = 0;
+        for (material, faces) in parsed.parts() {
+            let color = self.colors[material].unwrap_or(white);
+            for &v in parsed.faces[faces].iter().flatten() {
+                let given = &mut colors[v as usize];
+                if *given == UNCOLORED {
+                    *given = color;
+                } else if *given != color {
+                    between += 1;
+                }
+            }
+        }
+        colors.iter_mut().filter(|c| **c == UNCOLORED).for_each(|c| *c = white);
+        counted(remarks, between, |count| Remark::BetweenColors { count });
+        Ok(colors)
     }
 
     /// The image of the first material in use that has one whose file is there.
@@ -125,9 +165,16 @@ impl Materials {
                 },
             }
         }
-        crate::io::remark::counted(remarks, others, |count| Remark::OtherTextures { count });
+        counted(remarks, others, |count| Remark::OtherTextures { count });
         chosen
     }
+}
+
+/// Three shares of red, green and blue; `None` for spectra, and for other spaces of colour.
+fn color(rest: &str) -> Option<[f32; 3]> {
+    let mut words = rest.split_whitespace().map(|word| word.parse::<f32>().ok());
+    let mut next = || words.next()?.filter(|c| c.is_finite()).map(|c| c.clamp(0.0, 1.0));
+    Some([next()?, next()?, next()?])
 }
 
 /// How many words follow an option of a texture statement.
@@ -170,6 +217,7 @@ mod tests {
         let names = [("a", 0), ("b", 1), ("c d", 2)].map(|(name, m)| (name.to_owned(), m)).into();
         let mut materials = Materials::default();
         materials.maps.resize_with(3, || None);
+        materials.colors.resize(3, None);
         let mut budget = Limits::default().budget(0);
         materials
             .library(text.as_bytes(), Path::new("f"), &names, &mut [false; 3], &mut budget)

@@ -1,6 +1,7 @@
 //! What stands in an OBJ file.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
 use std::path::Path;
 
 use super::lines::{Lines, split_word};
@@ -10,6 +11,8 @@ use crate::{Budget, OverLimit};
 
 /// Stands for "no texture coordinate".
 pub(super) const NONE: u32 = u32::MAX;
+/// Stands for "no colour"; those of a file are finite.
+pub(super) const UNCOLORED: [f32; 3] = [f32::INFINITY; 3];
 
 /// What stands in the file; indices of vertices are in range.
 #[derive(Default)]
@@ -32,12 +35,14 @@ pub(super) struct Parsed {
 impl Parsed {
     /// The materials that faces have, in the order of the faces.
     pub(super) fn used(&self) -> impl Iterator<Item = usize> {
+        self.parts().map(|(material, _)| material)
+    }
+
+    /// The same, each with the faces.
+    pub(super) fn parts(&self) -> impl Iterator<Item = (usize, Range<usize>)> {
         let ends = self.uses.iter().skip(1).map(|u| u.1).chain([self.faces.len()]);
-        self.uses
-            .iter()
-            .zip(ends)
-            .filter(|((_, start), end)| start < end)
-            .map(|((m, _), _)| *m as usize)
+        let parts = self.uses.iter().zip(ends).map(|((m, start), end)| (*m as usize, *start..end));
+        parts.filter(|(_, faces)| !faces.is_empty())
     }
 }
 
@@ -125,7 +130,7 @@ impl Parser<'_> {
         let Parsed { positions, colors, .. } = &mut self.parsed;
         if let Some(color) = color {
             // White for those before the first with a colour, and for those after it without.
-            self.budget.fill(colors, positions.len(), [1.0; 3], 1)?;
+            self.budget.fill(colors, positions.len(), UNCOLORED, 1)?;
             colors.push(color);
         }
         self.budget.push(positions, position)
@@ -138,7 +143,8 @@ impl Parser<'_> {
         let (mut corners, mut worst) = (0, None);
         for word in rest.split_whitespace() {
             let corner = self.corner(word).ok_or_else(|| {
-                let expected = "v, v/vt, v//vn or v/vt/vn, none of them 0";
+                let expected =
+                    "v, v/vt, v//vn or v/vt/vn, none of them 0 or further back than there are";
                 ReadMeshError::at_line(self.path, Some(number), "f", format!("{word:?}"), expected)
             })?;
             corners += 1;
@@ -245,7 +251,7 @@ impl Parser<'_> {
         }
         let over = ReadMeshError::over_limit(self.path);
         if !parsed.colors.is_empty() {
-            self.budget.fill(&mut parsed.colors, count, [1.0; 3], 0).map_err(&over)?;
+            self.budget.fill(&mut parsed.colors, count, UNCOLORED, 0).map_err(&over)?;
         }
         if !parsed.uv_faces.is_empty() {
             let faces = parsed.faces.len();

@@ -1,19 +1,20 @@
 //! Reading OBJ as people have it.
 
 use super::mtl::Materials;
-use super::parse::{NONE, Parsed, parse};
+use super::parse::{NONE, Parsed, UNCOLORED, parse};
 use crate::io::open::{self, Contents, readers};
 use crate::io::remark::counted;
 use crate::io::{ReadMeshError, Remark};
 use crate::{Budget, Image, Texture, TriMesh};
 
 readers! {
-    /// Reads an OBJ file and the texture of its material library.
+    /// Reads an OBJ file and the texture of its material library, or where there is none the materials' colours (`Kd`).
     ///
     /// Vertices keep their order, used or not. Polygons become fans of triangles. Indices may be
     /// negative, corners may be `v`, `v/vt`, `v//vn` or `v/vt/vn` in any mixture, lines may end in LF, CR
     /// LF or CR or continue after a backslash, and `v` may carry a weight (ignored) or a colour. Where
-    /// only some vertices have a colour the others are white.
+    /// only some vertices have a colour the others are white; a material's colour is its vertices', where faces of several meet the
+    /// first one's.
     ///
     /// What other programs pass over is left out here too: points, lines, faces of one or two corners,
     /// triangles that name a vertex twice, texture coordinates that are not in the file, a texture or a
@@ -34,13 +35,16 @@ readers! {
 
 fn mesh(contents: Contents<'_>, remarks: &mut Vec<Remark>) -> Result<TriMesh, ReadMeshError> {
     let Contents { bytes, path, limits, mut budget, root } = contents;
-    let parsed = parse(&bytes, path, &mut budget, remarks)?;
+    let mut parsed = parse(&bytes, path, &mut budget, remarks)?;
     drop(bytes);
     let mut image = None;
     if let Some(root) = root {
         let materials = Materials::read(&parsed, &root, path, limits, remarks)?;
         if let Some(file) = materials.image(&parsed, &root, remarks) {
             image = Some(open::texture(path, &file, limits)?);
+        } else if parsed.colors.is_empty() {
+            let colors = materials.vertex_colors(&parsed, &mut budget, remarks);
+            parsed.colors = colors.map_err(ReadMeshError::over_limit(path))?;
         }
     }
     mesh_of(parsed, image, &mut budget, remarks).map_err(ReadMeshError::over_limit(path))
@@ -63,10 +67,15 @@ fn mesh_of(
 
 /// Brings colours to `[0, 1]`: some tools write 0..255 where everyone else writes 0..1.
 fn to_unit(colors: &mut [[f32; 3]]) {
-    let bytes = colors.iter().flatten().any(|&c| c > 1.5);
-    for c in colors.iter_mut().flatten() {
-        // White, for vertices without a colour, is 1 in either.
-        *c = if bytes && *c != 1.0 { *c / 255.0 } else { *c }.clamp(0.0, 1.0);
+    let given = |color: &&mut [f32; 3]| **color != UNCOLORED;
+    let bytes = colors.iter_mut().filter(given).flatten().any(|c| *c > 1.5);
+    let largest = if bytes { 255.0 } else { 1.0 };
+    for color in colors {
+        *color = if *color == UNCOLORED {
+            [1.0; 3]
+        } else {
+            color.map(|c| (c / largest).clamp(0.0, 1.0))
+        };
     }
 }
 

@@ -32,7 +32,7 @@ pub fn write(path: impl AsRef<Path>, mesh: &TriMesh) -> Result<(), WriteError> {
 }
 
 fn geometry(w: &mut dyn Write, mesh: &TriMesh, library: Option<&str>) -> std::io::Result<()> {
-    writeln!(w, "# mesh-core {}: units of the input, +Y up", env!("CARGO_PKG_VERSION"))?;
+    writeln!(w, "# mesh-core {}: units and axes of the input", env!("CARGO_PKG_VERSION"))?;
     writeln!(w, "# {} vertices, {} triangles", mesh.positions.len(), mesh.faces.len())?;
     if let Some(library) = library {
         writeln!(w, "mtllib {library}")?;

@@ -21,6 +21,8 @@ pub(super) fn faces(
     let over = ReadMeshError::over_limit(numbers.path);
     let (mut polygon, mut texcoord) = (Vec::<u32>::new(), Vec::<f32>::new());
     let mut corner_uvs = Vec::new();
+    let lists_texcoord =
+        element.properties.iter().any(|p| p.length.is_some() && p.name == "texcoord");
     let mut has_texcoord = false;
     for item in 0..element.count {
         numbers.item = item;
@@ -63,8 +65,10 @@ pub(super) fn faces(
             let is_whole = parts.triangle([polygon[0], polygon[k], polygon[k + 1]], budget);
             if !is_whole.map_err(&over)? {
                 parts.repeated += 1;
-            } else if placed {
-                budget.push(&mut corner_uvs, [uv(0), uv(k), uv(k + 1)]).map_err(&over)?;
+            } else if lists_texcoord {
+                let corners = if placed { [uv(0), uv(k), uv(k + 1)] } else { [[0.0; 2]; 3] };
+                parts.bare += if placed { 0 } else { 3 };
+                budget.push(&mut corner_uvs, corners).map_err(&over)?;
             }
         }
     }

@@ -63,6 +63,8 @@ pub(super) struct Parts {
     pub(super) first_short: Option<usize>,
     /// Triangles that name a vertex twice.
     pub(super) repeated: usize,
+    /// Corners without a place on the texture, where others have one.
+    pub(super) bare: usize,
 }
 
 type Placement = (Vec<[f32; 2]>, Vec<[u32; 3]>);
@@ -88,6 +90,7 @@ impl Parts {
         }
         let placed = match (self.corner_uvs, self.vertex_uvs) {
             (Some(corners), _) if corners.len() == self.faces.len() => {
+                counted(remarks, self.bare, |count| Remark::MissingTexcoords { count });
                 let mut faces = Vec::new();
                 budget.reserve(&mut faces, corners.len()).map_err(&over)?;
                 faces.extend((0..corners.len() as u32).map(|f| [3 * f, 3 * f + 1, 3 * f + 2]));

@@ -48,7 +48,7 @@ fn body(w: &mut dyn Write, mesh: &TriMesh, encoding: Encoding) -> std::io::Resul
         Encoding::Ascii => "ascii",
     };
     writeln!(w, "ply\nformat {format} 1.0")?;
-    writeln!(w, "comment mesh-core {}: units of the input, +Y up", env!("CARGO_PKG_VERSION"))?;
+    writeln!(w, "comment mesh-core {}: units and axes of the input", env!("CARGO_PKG_VERSION"))?;
     writeln!(w, "element vertex {}", mesh.positions.len())?;
     writeln!(w, "property float x\nproperty float y\nproperty float z")?;
     if colors.is_some() {
