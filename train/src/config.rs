@@ -77,6 +77,9 @@ crate::options! {
         /// best before no longer counts.
         #[serde(with = "crate::settings::optional")]
         pub best: Option<String> = None;
+        /// Scorings of validation without a better one after which a run ends (early stopping); without, it goes on to its end.
+        #[serde(with = "crate::settings::optional")]
+        pub patience: Option<u64> = None, in 1..=65_536;
         /// Whether TensorBoard's event files are written.
         pub tensorboard: bool = true;
     }
@@ -117,6 +120,7 @@ pub const CHANGEABLE: &[&str] = &[
     "checkpoint-steps",
     "checkpoint-minutes",
     "best",
+    "patience",
     "tensorboard",
 ];
 

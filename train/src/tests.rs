@@ -362,6 +362,33 @@ fn steps_outlast_scores_that_fail() {
     assert_eq!((resumed.ended, resumed.best.unwrap().1), (Ended::Completed, 12));
 }
 
+/// Learning nothing, the first score is the best, and a run that goes on is as old as before.
+#[test]
+fn a_run_without_a_better_score_ends() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path().join("run");
+    let with = |patience| {
+        config(|c| {
+            (c.train.epochs, c.train.learning_rate, c.train.patience) = (20, 0.0, Some(patience));
+            c.train.validation_every = Some(2);
+        })
+    };
+    let mut said = Vec::new();
+    let mut watch = Watch::new(|event: &Event| {
+        if let Event::Warned { text } = event {
+            said.push(text.clone());
+        }
+    });
+    let outcome = run_in(&folder, &with(3), false, &mut watch).unwrap();
+    drop(watch);
+    // Of four steps an epoch: scored after 2, and three times more.
+    assert_eq!((outcome.steps, outcome.best.unwrap().1), (32, 8));
+    assert_eq!(outcome.ended, Ended::Completed);
+    assert!(said.iter().any(|text| text.contains("step 32 of 80")), "{said:?}");
+    assert_eq!(run_in(&folder, &with(3), true, &mut on()).unwrap().steps, 32);
+    assert_eq!(run_in(&folder, &with(5), true, &mut on()).unwrap().steps, 48);
+}
+
 /// The best so far is a value of one metric, and says nothing of another.
 #[test]
 fn another_metric_begins_without_a_best() {

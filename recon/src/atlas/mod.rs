@@ -58,7 +58,7 @@ pub struct Atlas {
 }
 
 impl Atlas {
-    /// So many texels to a unit of length, or as many as an image of side `most` has room for.
+    /// So many texels to a unit of length (none are wished for if that is NaN), or as many as an image of side `most` has room for.
     ///
     /// # Cost
     /// Some 100 ms for 20,000 faces and four million texels.
@@ -66,7 +66,8 @@ impl Atlas {
     /// If a face names a vertex that is not there.
     pub fn new(positions: &[[f32; 3]], faces: &[[u32; 3]], density: f32, most: usize) -> Self {
         let charts = charts(positions, faces);
-        let mut density = density.clamp(0.0, f32::MAX);
+        // Of NaN and 0 the larger is 0.
+        let mut density = density.max(0.0).min(f32::MAX);
         loop {
             // With nothing but padding any number of charts has its place, be it larger than was wished.
             let limit = if density > 0.0 { most } else { usize::MAX };

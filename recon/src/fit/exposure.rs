@@ -95,13 +95,16 @@ impl Exposure {
     fn of(sums: &[Sums]) -> Self {
         let factor = |[product, photograph, _]: &Sums, c: usize| {
             let factor = product[c] / photograph[c];
-            if factor.is_finite() && factor > 0.0 { factor } else { 1.0 }
+            (factor.is_finite() && factor > 0.0).then_some(factor)
         };
         let mean: [f64; 3] = std::array::from_fn(|c| {
-            let logarithms = sums.iter().map(|sums| factor(sums, c).ln());
-            (logarithms.sum::<f64>() / sums.len().max(1) as f64).exp()
+            let logarithms = sums.iter().filter_map(|sums| Some(factor(sums, c)?.ln()));
+            let (sum, count) = logarithms.fold((0.0, 0), |(sum, n), log| (sum + log, n + 1));
+            (sum / f64::from(count.max(1))).exp()
         });
-        let one = |sums| std::array::from_fn(|c| (factor(sums, c) / mean[c]) as f32);
+        let one = |sums| {
+            std::array::from_fn(|c| factor(sums, c).map_or(1.0, |factor| (factor / mean[c]) as f32))
+        };
         Self { factors: sums.iter().map(one).collect() }
     }
 
@@ -172,6 +175,9 @@ mod tests {
         };
         let views = [sums(2.0), sums(0.5), [[0.0; 3]; 3]];
         let found = Exposure::of(&views);
+        // A view that says nothing has no part in the mean.
+        let of_blind = Exposure::of(&[sums(2.0), sums(2.0), [[0.0; 3]; 3]]);
+        assert!(of_blind.factors.iter().flatten().all(|f| (f - 1.0).abs() < 1e-6));
         assert_eq!(found.factors, [[0.5; 3], [2.0; 3], [1.0; 3]]);
         assert_eq!(found.relative()[0], [2.0; 3]);
         assert!(found.difference(&views).abs() < 1e-12);

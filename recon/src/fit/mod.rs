@@ -78,6 +78,7 @@ mod shape;
 mod sight;
 mod skin;
 mod solid;
+mod sparse_views;
 mod specks;
 mod start;
 mod stepper;
@@ -97,6 +98,7 @@ pub use alignment::RefinedCameras;
 pub use config::{ColorKind, FitConfig, TopologyKind};
 pub use error::FitError;
 pub use photometric::PhotoConsistency;
+use photometric::Photographs;
 pub use placement::{Placement, bounding_sphere};
 pub use quality::{Quality, unused_detail};
 pub use refine::{RefineConfig, refine};
@@ -298,11 +300,21 @@ impl<'a, 'o> Run<'a, 'o> {
     /// Fits the shape, level by level.
     fn shape(&mut self, config: &FitConfig, views: &[View]) -> Result<Shape, FitError> {
         self.clock = Instant::now();
-        let start = self.start.take().unwrap_or(Start::Sphere);
-        let thin = matches!(start, Start::Surface(..));
-        // And positions of the vertices at which nothing passes through itself, as near as there are any.
-        let (mut shape, start, mut sound) = start.shape(config);
+        let begun = self.start.take().unwrap_or(Start::Sphere);
         let mut order = Order::new(self.train.len(), config);
+        let few = self.train.len() <= sparse_views::MOST;
+        let grown = match &begun {
+            Start::Surface { is_sphere: true, .. } if few => {
+                self.sphere_instead(&mut order, config)?
+            }
+            _ => None,
+        };
+        let thin = grown.is_none() && matches!(begun, Start::Surface { .. });
+        // And positions of the vertices at which nothing passes through itself, as near as there are any.
+        let (mut shape, start, mut sound) = match grown {
+            Some(shape) => (shape.subdivided(config), config.level, None),
+            None => begun.shape(config),
+        };
         for level in start..=config.level {
             if level > start {
                 if thin {
@@ -323,7 +335,7 @@ impl<'a, 'o> Run<'a, 'o> {
                 break;
             }
             // What begins as the hull's surface is as large as the masks allow already.
-            if !thin && level + 1 == config.level {
+            if !thin && !few && level + 1 == config.level {
                 let step = self.fitted.history.len();
                 let (cancelled, train) = (|| self.watch.is_cancelled(), &self.train);
                 inflation::inflate(&mut shape, train, &mut order, config, step, &cancelled)?;
@@ -345,10 +357,14 @@ impl<'a, 'o> Run<'a, 'o> {
             let step = self.fitted.history.len();
             self.stage("photometric", shape.positions.len(), shape.faces.len());
             let cancelled = || self.watch.is_cancelled();
-            let (train, shape) = (&self.train, &mut shape);
-            let found = photometric::hollow(shape, train, &seen, config, step, &cancelled)?;
+            let unseen: Vec<&View> =
+                self.fitted.held_out_views.iter().map(|&i| &views[i]).collect();
+            let fitted = Photographs { targets: &self.train, views: &seen };
+            let held_out = Photographs { targets: &self.held_out, views: &unseen };
+            let found =
+                photometric::hollow(&mut shape, fitted, held_out, config, step, &cancelled)?;
             self.fitted.photo_consistency = found;
-            self.evaluate(shape, step);
+            self.evaluate(&shape, step);
             self.lap("photometric");
         }
         if thin && !self.ask_cancelled() {
@@ -429,6 +445,7 @@ impl<'a, 'o> Run<'a, 'o> {
         let balanced = || Exposure::found(&photographed, topology, &mut colors);
         let found = config.balance_colors.then(balanced).flatten();
         self.fitted.exposures = found.as_ref().map(Exposure::relative);
+        self.lap("color");
         let exposure = found.unwrap_or(even);
         let mut texture = None;
         if config.color == ColorKind::Texture {

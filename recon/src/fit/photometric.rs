@@ -13,10 +13,13 @@ use mesh_core::{face_normals, untangle, vertex_normals};
 use rayon::prelude::*;
 use serde::Serialize;
 
+use super::color;
 use super::config::FitConfig;
 use super::error::FitError;
+use super::exposure::Exposure;
 use super::gray_image::{Drawn, GrayImage};
 use super::shape::Shape;
+use super::sight::{Photographed, Sight};
 use super::stereo::{self, DepthMap};
 use super::target::Target;
 
@@ -49,6 +52,9 @@ const TOLERANCE: f64 = 0.003;
 const GAIN: f64 = 0.005;
 /// How much mask IoU that may cost.
 const LOSS: f64 = 0.005;
+/// By how much the squared error of its colours in the views that are not fitted may grow: half a decibel. A surface that follows
+/// noise agrees better with what it was moved by, and shows others less.
+const FADES: f64 = 1.12;
 /// How far a pixel pulls at most, in pixels of its view.
 const FARTHEST: f32 = 4.0;
 /// Surfaces seen at a slant of which the cosine is less say little about depth.
@@ -63,30 +69,66 @@ pub struct PhotoConsistency {
     pub before: f64,
     /// The same after the surface was moved to where photographs agree.
     pub after: f64,
-    /// Whether it stayed there: it does where they agree better, at no cost to the outlines.
+    /// Whether it stayed there: it does where they agree better, at no cost to the outlines and to the colours of held-out views.
     pub kept: bool,
 }
 
-/// Moves the surface to where photographs see it, if they agree better about it then and nothing of it passes through itself;
-/// nothing if there are no depths to be found.
+/// Photographs, and what a fit measures of their masks.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Photographs<'a> {
+    pub(super) targets: &'a [Target],
+    pub(super) views: &'a [&'a View],
+}
+
+impl Photographs<'_> {
+    fn of<'a>(&'a self, shape: &'a Shape) -> Photographed<'a> {
+        Photographed::new(self.views, self.targets, &shape.positions, &shape.faces)
+    }
+
+    /// The mean squared error of a surface's colours in the pixels of these that show it, with the colours that `others` give it.
+    fn color_error(&self, shape: &Shape, others: &Self) -> f64 {
+        let even = Exposure::even(others.views.len());
+        let colors = color::vertex_colors(&others.of(shape), &shape.topology, &even, None);
+        let shown = self.of(shape);
+        let one = |view: usize| {
+            let (mut sum, mut weights) = (0.0, 0.0);
+            shown.samples(&mut Sight::default(), view, |sample| {
+                let surface = sample.interpolate(&shape.faces, &colors);
+                let square: f32 = (0..3).map(|c| (surface[c] - sample.color[c]).powi(2)).sum();
+                sum += f64::from(sample.weight * square);
+                weights += f64::from(sample.weight);
+            });
+            [sum, weights]
+        };
+        let each: Vec<[f64; 2]> = (0..self.views.len()).into_par_iter().map(one).collect();
+        let [sum, weights] = [0, 1].map(|k| each.iter().map(|sums| sums[k]).sum::<f64>());
+        sum / weights.max(f64::MIN_POSITIVE)
+    }
+}
+
+/// Moves the surface to where photographs see it, if they agree better about it then, those that are `held_out` show its colours as
+/// well as before, and nothing of it passes through itself; nothing if there are no depths to be found.
 ///
 /// # Errors
 /// As [`Shape::step`].
 pub(super) fn hollow(
     shape: &mut Shape,
-    targets: &[Target],
-    views: &[&View],
+    fitted: Photographs<'_>,
+    held_out: Photographs<'_>,
     config: &FitConfig,
     step: usize,
     cancelled: &dyn Fn() -> bool,
 ) -> Result<Option<PhotoConsistency>, FitError> {
+    let Photographs { targets, views } = fitted;
+    let scored = if held_out.views.is_empty() { fitted } else { held_out };
     let images = |side: usize| -> Vec<GrayImage> {
         let pairs = targets.par_iter().zip(views);
         pairs.map(|(target, view)| GrayImage::new(target, view, side)).collect()
     };
     let [coarse, fine] = [COARSE, FINE].map(|stage| images(stage.side));
     let agreement = |shape: &Shape| stereo::agreement(&fine, &shape.positions, &shape.faces);
-    let given = (shape.positions.clone(), agreement(shape), shape.mask_iou(targets));
+    let colors = |shape: &Shape| scored.color_error(shape, &fitted);
+    let given = (shape.positions.clone(), agreement(shape), shape.mask_iou(targets), colors(shape));
     for round in 1..=ROUNDS {
         let maps = stereo::sweep(&coarse, &shape.positions, &shape.faces);
         if maps.iter().flatten().all(|depth| depth.is_nan()) {
@@ -107,9 +149,12 @@ pub(super) fn hollow(
     let mut mended = shape.positions.clone();
     let sound = untangle(&mut mended, &shape.faces, &shape.topology).is_some();
     shape.place(mended);
-    let (positions, before, iou) = given;
+    let (positions, before, iou, error) = given;
     let after = agreement(shape);
-    let kept = sound && after >= before + GAIN && shape.mask_iou(targets) >= iou - LOSS;
+    let kept = sound
+        && after >= before + GAIN
+        && shape.mask_iou(targets) >= iou - LOSS
+        && colors(shape) <= FADES * error;
     if !kept {
         shape.place(positions);
     }

@@ -77,7 +77,8 @@ train::options! {
 /// About a second for five views of 128x128 and 5,000 vertices on two cores, some four milliseconds of it for each step.
 ///
 /// # Errors
-/// See [`FitError`]; [`FitError::Placement`] where the mesh has no size or lies behind a camera.
+/// See [`FitError`]; [`FitError::Placement`] where the mesh has no size or lies behind a camera, or has neither anything in common with
+/// the masks nor two faces at each edge.
 ///
 /// # References
 /// Leung, Ho, Vasconcelos 2021, *Black-box test-time shape refinement for single view 3D reconstruction* (REFINE), for the
@@ -114,8 +115,15 @@ pub fn refine(mesh: &TriMesh, views: &[View], config: &RefineConfig) -> Result<T
     let positions = mesh.positions.iter().map(inside).collect();
     let guess = TriMesh { positions, texture: None, ..mesh.clone() };
     let start = Prior::new(&guess, frame, config.tolerance).carved(&mut targets);
-    // Where mesh and masks have nothing in common, the mesh as it is.
-    let (start, cell) = start.unwrap_or_else(|| (guess.clone(), 0.0));
+    // Where mesh and masks have nothing in common, the mesh as it is: its outlines are where two of its faces meet.
+    let (start, cell) = match start {
+        Some(start) => start,
+        None if Topology::of(&guess).is_closed() => (guess.clone(), 0.0),
+        None => {
+            let reason = "masks and mesh have nothing in common, and the mesh is not closed";
+            return Err(FitError::Placement { reason: reason.into() });
+        }
+    };
     for target in &mut targets {
         target.place(center, radius);
     }

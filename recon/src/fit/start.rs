@@ -28,8 +28,15 @@ const HOLE: f32 = 1.0;
 pub(super) enum Start {
     /// The unit sphere.
     Sphere,
-    /// A closed, oriented surface in the frame of the placement, in steps of a lattice, and the shortest edges that it needs.
-    Surface(TriMesh, f32),
+    /// A closed, oriented surface in the frame of the placement.
+    Surface {
+        /// Its triangles, as small as the steps of a lattice.
+        mesh: TriMesh,
+        /// The shortest edges that it needs.
+        shortest: f32,
+        /// Whether a sphere could become it: one part without a hole.
+        is_sphere: bool,
+    },
 }
 
 /// How fine a lattice is, and the mesh made of it.
@@ -79,14 +86,15 @@ impl Start {
         }
         // Without a hole too: where a mask shows one, arms or handles reach around it, and a sphere loses such.
         let mesh = skin(&lattice, &solid.inside);
-        (Self::Surface(mesh, lattice.step.max(shortest * lattice.pixel)), None)
+        let shortest = lattice.step.max(shortest * lattice.pixel);
+        (Self::Surface { mesh, shortest, is_sphere: !holed }, None)
     }
 
     /// The mesh of this start, its level, and positions of its vertices at which nothing passes through itself, if a surface was
     /// mended to find them.
     pub(super) fn shape(self, config: &FitConfig) -> (Shape, u32, Option<Vec<[f32; 3]>>) {
         let coarse = config.start_level;
-        let Self::Surface(mut mesh, cell) = self else {
+        let Self::Surface { mut mesh, shortest, .. } = self else {
             return (Shape::sphere(coarse, config), coarse, None);
         };
         // What is thin would be lost in coarse triangles.
@@ -94,7 +102,7 @@ impl Start {
         let topology = Topology::of(&mesh);
         hull::smooth(&mut mesh, &topology);
         let faces = 20 << (2 * level);
-        let Graded { mesh, sound } = grading::graded(&mesh, &topology, faces, f64::from(cell));
+        let Graded { mesh, sound } = grading::graded(&mesh, &topology, faces, f64::from(shortest));
         (Shape::of(mesh.positions, mesh.faces, config), level, sound)
     }
 }
@@ -106,7 +114,7 @@ fn sphere_inside(views: &[&View], targets: &mut [Target], placement: &Placement)
         target.place(placement.center, placement.radius);
     }
     let hull = hull?;
-    Some(Start::Surface(hull.surface()?, hull.cell()))
+    Some(Start::Surface { mesh: hull.surface()?, shortest: hull.cell(), is_sphere: true })
 }
 
 /// What a sphere cannot become.

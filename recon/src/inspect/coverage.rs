@@ -23,12 +23,14 @@ impl Unseen {
     pub(crate) fn of<'a>(cameras: impl Iterator<Item = &'a Camera>, center: [f64; 3]) -> Self {
         let center = Vector3::from(center);
         let toward: Vec<Vector3<f64>> = cameras
-            .map(|camera| {
-                if camera.is_perspective() {
-                    (camera.center() - center).normalize()
+            .filter_map(|camera| {
+                // One at the point itself sees no side of it.
+                let toward = if camera.is_perspective() {
+                    camera.center() - center
                 } else {
                     -camera.forward()
-                }
+                };
+                toward.try_normalize(0.0)
             })
             .collect();
         let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());

@@ -159,10 +159,18 @@ impl<S: System> Trainer<'_, '_, '_, S> {
                     self.save()?;
                 }
             }
-            let ended = self.state.step >= self.total && !self.state.pending;
+            let whole = self.state.step >= self.total || self.is_stale();
+            let ended = whole && !self.state.pending;
             if ended || self.stop {
                 if self.saved.0 != self.state.step || self.stop {
                     self.save()?;
+                }
+                if ended && self.state.step < self.total {
+                    let (step, total) = (self.state.step, self.total);
+                    let text = format!(
+                        "ended at step {step} of {total}: validation has not been better for as long as `patience` says"
+                    );
+                    self.tell(&Event::Warned { text });
                 }
                 return Ok(Ended::early(!ended));
             }
@@ -177,6 +185,16 @@ impl<S: System> Trainer<'_, '_, '_, S> {
                 self.save()?;
             }
         }
+    }
+
+    /// Whether validation's best is as old as the patience: known from its step, so that runs that go on know it too.
+    fn is_stale(&self) -> bool {
+        let train = &self.job.config.train;
+        let (Some(patience), Some(every)) = (train.patience, train.validation_every) else {
+            return false;
+        };
+        let age = self.state.best.map_or(0, |(_, step)| self.state.step - step);
+        age >= patience.saturating_mul(every).saturating_mul(self.steps_per_epoch)
     }
 
     fn is_due(&self) -> bool {
