@@ -8,4 +8,5 @@ mod flat_sides;
 mod hollows;
 mod inspected;
 mod refined_cameras;
+mod sparse_views;
 mod verdict;

@@ -61,7 +61,7 @@ fn score(mesh: &TriMesh, focal: f64) -> f64 {
 /// Once a refinement is cancelled nothing of it goes on: two that end within its first round had their cameras moved as often.
 #[test]
 fn cameras_rest_where_a_refinement_is_stopped() {
-    let noisy = Planted::Poses(0.3).plant(rendered(&orbit(10)), [0.0; 3], 1);
+    let noisy = Planted::Poses(0.3).plant(rendered(&orbit(14)), [0.0; 3], 1);
     let config = FitConfig { hold_out: None, ..Quality::Draft.config() };
     let planned = config.total_steps() as u64;
     let stopped = |steps: usize| {
