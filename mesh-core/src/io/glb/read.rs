@@ -8,7 +8,7 @@ use super::accessor::Items;
 use super::document::{Document, Node, PER_ITEM, PER_OBJECT, Primitive};
 use super::soup::Soup;
 use super::{BIN, JSON, MAGIC};
-use crate::io::open::{Contents, readers};
+use crate::io::open::{self, Contents, readers};
 use crate::io::remark::counted;
 use crate::io::{ReadMeshError, Remark};
 use crate::{Budget, Image, Limits, TriMesh, decode_image_with, linear_to_srgb};
@@ -31,6 +31,15 @@ readers! {
     assemble
 }
 
+/// What [`read_mesh_with_uvs`](crate::read_mesh_with_uvs) gives of a GLB file.
+pub(in crate::io) fn read_with_uvs(
+    path: &Path,
+    limits: &Limits,
+    remarks: &mut Vec<Remark>,
+) -> Result<TriMesh, ReadMeshError> {
+    assemble(Contents { only_uvs: true, ..Contents::of_file(path, limits)? }, remarks)
+}
+
 /// What showing a part of a mesh is counted as, beside its vertices and triangles.
 const PER_PART: u64 = 32;
 
@@ -43,6 +52,8 @@ pub(super) struct Glb<'a> {
     path: &'a Path,
     pub(super) document: Document,
     bin: &'a [u8],
+    /// As [`Contents::only_uvs`].
+    only_uvs: bool,
 }
 
 /// What was left out on the way.
@@ -53,10 +64,10 @@ struct LeftOut {
 }
 
 fn assemble(contents: Contents<'_>, remarks: &mut Vec<Remark>) -> Result<TriMesh, ReadMeshError> {
-    let Contents { bytes, path, limits, mut budget, .. } = contents;
+    let Contents { bytes, path, limits, mut budget, only_uvs, .. } = contents;
     let budget = &mut budget;
     let over = ReadMeshError::over_limit(path);
-    let glb = Glb::open(&bytes, path, budget)?;
+    let glb = Glb { only_uvs, ..Glb::open(&bytes, path, budget)? };
     let mut soup = Soup::default();
     let mut left_out = LeftOut::default();
     for (node, transform) in glb.placed(budget)? {
@@ -68,7 +79,11 @@ fn assemble(contents: Contents<'_>, remarks: &mut Vec<Remark>) -> Result<TriMesh
             glb.primitive(primitive, &transform, &mut soup, budget, &mut left_out)?;
         }
     }
-    let image = soup.image.map(|index| glb.image(index, limits)).transpose()?;
+    let image = if only_uvs {
+        (!soup.uvs.is_empty()).then(open::blank)
+    } else {
+        soup.image.map(|index| glb.image(index, limits)).transpose()?
+    };
     let (mesh, repeated) = soup.joined(image, budget).map_err(&over)?;
     counted(remarks, left_out.lines, |count| Remark::Lines { count });
     counted(remarks, left_out.textures, |count| Remark::OtherTextures { count });
@@ -119,7 +134,7 @@ impl<'a> Glb<'a> {
         if let Some(name) = document.extensions_required.iter().find(|name| !is_harmless(name)) {
             return Err(bad("extensionsRequired", name, "none that changes geometry or colours"));
         }
-        Ok(Self { path, document, bin })
+        Ok(Self { path, document, bin, only_uvs: false })
     }
 
     pub(super) fn bad(&self, field: &str, found: impl ToString, expected: &str) -> ReadMeshError {
@@ -216,7 +231,12 @@ impl<'a> Glb<'a> {
             primitive.material.map(|m| self.get(&self.document.materials, m, "material"));
         let material = material.transpose()?;
         let surface = material.map(|m| &m.pbr_metallic_roughness);
-        if let Some(info) = surface.and_then(|s| s.base_color_texture.as_ref()) {
+        if self.only_uvs {
+            // Whatever image lies there, and on parts that have none yet.
+            if let Some(texcoord) = primitive.attributes.texcoord {
+                self.texcoords(texcoord, base, count, soup, budget)?;
+            }
+        } else if let Some(info) = surface.and_then(|s| s.base_color_texture.as_ref()) {
             let texture = self.get(&self.document.textures, info.index, "texture")?;
             let usable =
                 info.tex_coord == 0 && soup.image.is_none_or(|i| texture.source == Some(i));
