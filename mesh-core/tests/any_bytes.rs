@@ -5,8 +5,8 @@ mod damage;
 mod samples;
 
 use damage::{change, damaged};
-use mesh_core::{Limits, TriMesh, read_mesh_with_uvs};
 use mesh_core::io::{ReadMeshError, glb, obj, off, ply, stl, write_mesh};
+use mesh_core::{Limits, TriMesh, read_mesh_with_uvs};
 use proptest::prelude::*;
 
 /// What the formats trip over.
