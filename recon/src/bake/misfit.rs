@@ -68,7 +68,7 @@ impl Misfit {
         let (mut targets, views) = targets(&views);
         let mut mask_iou = |mesh: &TriMesh| {
             let Some(placed) = Placed::of(mesh) else { return 0.0 };
-            targets.iter_mut().for_each(|target| target.place(placed.center, placed.radius));
+            placed.place(&mut targets);
             agreement(&targets, &placed.positions, &mesh.faces).mask_iou
         };
         if views.is_empty() || mask_iou(mesh) >= MISSED {

@@ -130,7 +130,7 @@ pub fn bake(
     if seen.is_empty() {
         return Err(BakeError::EmptyMasks { views: views.len() });
     }
-    targets.iter_mut().for_each(|target| target.place(placed.center, placed.radius));
+    placed.place(&mut targets);
     let mut warnings = Vec::new();
     let found = agreement(&targets, &placed.positions, &mesh.faces);
     let mesh = if found.inside_out {

@@ -31,6 +31,13 @@ impl Placed {
             |p: &[f32; 3]| std::array::from_fn(|k| ((f64::from(p[k]) - center[k]) / radius) as f32);
         Some(Self { center, radius, positions: mesh.positions.iter().map(inside).collect() })
     }
+
+    /// Makes this frame that of the targets.
+    pub(super) fn place(&self, targets: &mut [Target]) {
+        for target in targets {
+            target.place(self.center, self.radius);
+        }
+    }
 }
 
 /// The views that have a mask, each with what of it is looked at.
