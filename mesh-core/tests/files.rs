@@ -67,7 +67,7 @@ fn texture_coordinates_come_without_an_image() {
         property list uchar int vertex_indices\nend_header\n0 0 0 0 0\n1 0 0 1 0\n0 1 0 0 1\n3 0 1 2\n";
     std::fs::write(path("m.ply"), text).unwrap();
     let mesh = uvs("m.ply").unwrap();
-    assert_eq!(corner_uvs(&mesh), [[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]]);
+    assert_eq!(corner_uvs(&mesh), [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]);
     assert!(read_mesh(path("m.ply")).unwrap().texture.is_none());
     // None in the file, or in no format.
     for name in ["c.obj", "c.glb", "c.ply", "c.stl"] {

@@ -29,7 +29,7 @@ pub struct Texel {
     pub index: u32,
     /// The face.
     pub face: u32,
-    /// Where its centre lies on the face; outside of it, at a border of the chart, the face's plane goes on.
+    /// Where its centre lies on the face; outside of it, at a border of a chart of [`Atlas::new`], the face's plane goes on.
     pub barycentric: [f32; 3],
 }
 
@@ -112,8 +112,8 @@ impl Atlas {
     /// The layout that a mesh has already: `faces` are three indices into `uvs` each, as those of [`Texture`], and the image is
     /// `side` texels wide and high, at least one.
     ///
-    /// A texel that several faces fill is that of the face in which it lies deepest. Around each piece 1.5 texels are drawn as its
-    /// faces' planes go on and 16 more repeat them, as far as there is room up to the next piece. What lies outside of the unit
+    /// A texel that several faces fill is that of the face in which it lies deepest. Around each piece 1.5 texels are those
+    /// of the nearest place of its border and 16 more repeat them, as far as there is room up to the next piece. What lies outside of the unit
     /// square has no texels; [`UvCoverage`] tells how much that is, and what overlaps.
     ///
     /// ```
@@ -142,6 +142,9 @@ impl Atlas {
             let band = [0, top, side, BAND.min(side - top)];
             chart.draw(&chart.places, band, |column, row, face, barycentric| {
                 let index = (row * side + column) as u32;
+                // Beyond a sharp edge the face's plane goes on through the air, where views show something else.
+                let inside = barycentric.map(|b| b.max(0.0));
+                let barycentric = inside.map(|b| b / inside.iter().sum::<f32>());
                 texels.push(Texel { index, face, barycentric });
             });
         }

@@ -115,7 +115,8 @@ pub(crate) fn painted(
 
 /// The share of the texels on the surface itself to which no view gave anything.
 fn unseen(texels: &[Texel], sums: &[[f32; 4]]) -> f64 {
-    let on_surface = |texel: &Texel| texel.barycentric.iter().all(|&b| b >= 0.0);
+    // Those around a piece of it lie at the border of a face, or beyond.
+    let on_surface = |texel: &Texel| texel.barycentric.iter().all(|&b| b > 0.0);
     let (mut all, mut without) = (0usize, 0usize);
     for (_, sum) in texels.iter().zip(sums).filter(|(texel, _)| on_surface(texel)) {
         all += 1;
