@@ -1,5 +1,6 @@
 //! The command line: what can be said, and the help that teaches it.
 
+mod bake;
 mod capture;
 mod convert;
 mod data;
@@ -22,6 +23,7 @@ use mesh_core::UpAxis;
 
 use train::Shard;
 
+pub(crate) use bake::Bake;
 pub(crate) use capture::Capture;
 pub(crate) use convert::ConvertMesh;
 pub(crate) use data::{Data, DataVerb, DepthKind, Generate};
@@ -37,7 +39,8 @@ pub(crate) use predict::Predict;
 pub(crate) use reading::Reading;
 pub(crate) use reproduce::Reproduce;
 pub(crate) use settings::{Configuration, SystemSettings};
-use values::{LIGHTS, Light, UpOrAuto, degrees, hex_color, one_of, up_axis};
+pub(crate) use values::UpOrAuto;
+use values::{LIGHTS, Light, degrees, hex_color, one_of, up_axis};
 
 /// Images of an object in, a triangle mesh out.
 ///
@@ -51,6 +54,7 @@ use values::{LIGHTS, Light, UpOrAuto, degrees, hex_color, one_of, up_axis};
   unsphere render clock/mesh.glb -o turn.gif     look at it from all around
   unsphere train img2mesh clock.zip -o run       learn to predict meshes
   unsphere predict img2mesh few/ -c run -o mesh  a mesh of a few views
+  unsphere bake edited.glb clock.zip -o textured a texture for a mesh
   unsphere metrics clock/mesh.ply truth.obj      compare two meshes
   unsphere check clock/mesh.ply                  is it closed, is it printable?
   unsphere convert clock/mesh.glb -o clock.stl   another format or size
@@ -106,6 +110,8 @@ pub(crate) enum Command {
     Predict(Predict),
     /// Give the weights of a training away: small, scored, with a model card.
     Export(Export),
+    /// Give a mesh that exists a texture, baked from views with cameras.
+    Bake(Bake),
     /// Draw a mesh: from the cameras of views, or on a turntable.
     Render(Render),
     /// Write a mesh in another format, simplified or to a size, for a printer for one.

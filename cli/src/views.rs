@@ -3,10 +3,13 @@
 use std::path::Path;
 
 use datasets::{OnInconsistent, ReadOptions, ReadViewsError, Truth, Views, ViewsProblem};
+use mesh_core::UpAxis;
 use models::predict::Predictor;
+use recon::fit::MARGIN;
 use recon::inspect::inspect_views_with;
 use train::{Configuration, Source};
 
+use crate::args::{Reading, UpOrAuto};
 use crate::console::Console;
 use crate::failure::Failure;
 use crate::progress::Progress;
@@ -22,6 +25,39 @@ pub(crate) fn read_views(
     read.map_err(|error| match error.problem {
         ViewsProblem::SeesNothing { .. } => explained(path, options, error),
         _ => error.into(),
+    })
+}
+
+/// How views are read where what is far from the object is not kept.
+pub(crate) fn around_the_object(reading: &Reading) -> ReadOptions {
+    ReadOptions { margin: Some(1.2 * f64::from(MARGIN)), ..reading.options() }
+}
+
+/// Adds other views, which are kept for scores.
+pub(crate) fn add_scored(
+    console: Console,
+    views: &mut Views,
+    others: &Path,
+    reading: &ReadOptions,
+) -> Result<(), Failure> {
+    let first = views.len();
+    // The list of names is of the views that are worked on.
+    let others = read_views(console, others, &ReadOptions { only: None, ..reading.clone() })?;
+    views.views.extend(others.views);
+    views.warnings.extend(others.warnings);
+    views.test = (first..views.len()).collect();
+    Ok(())
+}
+
+/// The axis that is asked for, or what the cameras say.
+pub(crate) fn up_axis(console: Console, asked: UpOrAuto, views: &Views) -> UpAxis {
+    asked.unwrap_or_else(|| {
+        let found = UpAxis::of_cameras(views.views.iter().map(|view| &view.camera));
+        if found != UpAxis::Y {
+            let text = "is up by the cameras: mesh.glb, the page and the turntable are turned so that they stand upright (--up)";
+            console.remark(format_args!("{found} {text}"));
+        }
+        found
     })
 }
 

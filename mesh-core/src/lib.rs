@@ -154,7 +154,7 @@ pub use image::{
 #[cfg(feature = "images")]
 pub use io::WriteError;
 #[cfg(feature = "files")]
-pub use io::{ReadMeshError, Remark, read_mesh, read_mesh_with, write_mesh};
+pub use io::{ReadMeshError, Remark, read_mesh, read_mesh_with, read_mesh_with_uvs, write_mesh};
 pub use iou::iou;
 pub use kernels::nearest::{Nearest, NearestScratch, nearest, nearest_both_into, nearest_into};
 pub use limits::{Budget, Limits, OverLimit};

@@ -5,8 +5,8 @@ mod damage;
 mod samples;
 
 use damage::{change, damaged};
-use mesh_core::TriMesh;
 use mesh_core::io::{ReadMeshError, glb, obj, off, ply, stl, write_mesh};
+use mesh_core::{Limits, TriMesh, read_mesh_with_uvs};
 use proptest::prelude::*;
 
 /// What the formats trip over.
@@ -78,6 +78,18 @@ proptest! {
     fn glb(textured in any::<bool>(), changes in prop::collection::vec(change(WORDS), 0..5)) {
         let mesh = if textured { samples::textured() } else { samples::colored() };
         holds(glb::decode(&damaged(glb::encode(&mesh).unwrap(), &changes), "fuzz.glb"));
+    }
+
+    #[test]
+    fn uvs_alone(format in 0..2_usize, changes in prop::collection::vec(change(WORDS), 0..5)) {
+        let (name, bytes) = match format {
+            0 => ("m.obj", obj_bytes()),
+            _ => ("m.glb", glb::encode(&samples::textured()).unwrap()),
+        };
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(name);
+        std::fs::write(&path, damaged(bytes, &changes)).unwrap();
+        holds(read_mesh_with_uvs(&path, &Limits::default(), &mut Vec::new()));
     }
 
     #[test]

@@ -6,7 +6,7 @@ mod samples;
 use std::path::Path;
 
 use mesh_core::io::{glb, ply};
-use mesh_core::{TriMesh, read_mesh, write_mesh};
+use mesh_core::{Limits, TriMesh, read_mesh, read_mesh_with_uvs, write_mesh};
 use samples::{colored, corner_uvs, textured};
 
 fn close(a: &[[f32; 3]], b: &[[f32; 3]], tolerance: f32) {
@@ -43,6 +43,38 @@ fn a_texture_comes_back_from_both_formats_that_have_one() {
         assert_eq!(back.colors, None);
     }
     assert!(folder.path().join("my_mesh.png").is_file());
+}
+
+#[test]
+fn texture_coordinates_come_without_an_image() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let mut remarks = Vec::new();
+    let mut uvs = |name: &str| read_mesh_with_uvs(path(name), &Limits::default(), &mut remarks);
+    for name in ["m.obj", "m.glb"] {
+        write_mesh(path(name), &textured()).unwrap();
+        // Neither library nor image is looked at.
+        for file in ["m.mtl", "m.png"].map(path).iter().filter(|file| file.exists()) {
+            std::fs::write(file, "damaged").unwrap();
+        }
+        let mesh = uvs(name).unwrap();
+        assert_eq!((&mesh.positions, &mesh.faces), (&textured().positions, &textured().faces));
+        assert_eq!(corner_uvs(&mesh), corner_uvs(&textured()), "{name}");
+        assert_eq!(mesh.texture.unwrap().image.data, [1.0; 3]);
+    }
+    let text = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
+        property float z\nproperty float s\nproperty float t\nelement face 1\n\
+        property list uchar int vertex_indices\nend_header\n0 0 0 0 0\n1 0 0 1 0\n0 1 0 0 1\n3 0 1 2\n";
+    std::fs::write(path("m.ply"), text).unwrap();
+    let mesh = uvs("m.ply").unwrap();
+    assert_eq!(corner_uvs(&mesh), [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]);
+    assert!(read_mesh(path("m.ply")).unwrap().texture.is_none());
+    // None in the file, or in no format.
+    for name in ["c.obj", "c.glb", "c.ply", "c.stl"] {
+        write_mesh(path(name), &colored()).unwrap();
+        assert!(uvs(name).unwrap().texture.is_none(), "{name}");
+    }
+    assert!(remarks.is_empty(), "{remarks:?}");
 }
 
 #[test]

@@ -29,6 +29,7 @@
 //! # By task
 //!
 //! - **fit one object**: [`fit`](mod@fit)
+//! - **give a mesh a texture**: [`bake`](mod@bake)
 //! - **score a mesh on views**: [`evaluate`]
 //! - **find out what is wrong with views**: [`inspect`](mod@inspect)
 //! - **know whether a fit can be trusted**: [`verdict`]
@@ -44,6 +45,7 @@
 //! - Output folders appear whole or not at all.
 
 pub mod atlas;
+pub mod bake;
 pub mod delivery;
 pub mod evaluate;
 pub mod fit;

@@ -12,7 +12,7 @@ use train::report::counted;
 use train::{Shard, settings};
 
 use crate::args::{Fit, Global};
-use crate::command::fit::{FOLDER, Job, around_the_object, configuration, refused, up_axis};
+use crate::command::fit::{FOLDER, Job, configuration, refused};
 use crate::console::{Console, table};
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
@@ -20,7 +20,7 @@ use crate::job_array;
 use crate::object_list::{self, ListedObject};
 use crate::summary::{PAGE, State, Summary, TABLE, failure_file};
 use crate::truth::Truth;
-use crate::views::read_views;
+use crate::views::{around_the_object, read_views, up_axis};
 
 /// How long another process may be at the summary before this one gives up.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -183,14 +183,14 @@ impl Batch<'_> {
         })?;
         // Each line of an object would drown those of the others.
         let silent = Console { quiet: true, ..console };
-        let reading = around_the_object(self.arguments);
+        let reading = around_the_object(&self.arguments.reading);
         let read = || -> Result<_, Failure> {
             let truth = object.truth.as_ref().map(|path| Truth::read(silent, path)).transpose()?;
             let views = read_views(silent, &object.views, &reading)?;
             Ok((truth, views))
         };
         let (truth, views) = read().map_err(Failed::of)?;
-        let up = up_axis(silent, self.arguments, &views);
+        let up = up_axis(silent, self.arguments.up, &views);
         let job = Job {
             title: &object.name,
             views,

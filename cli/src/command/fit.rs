@@ -8,7 +8,7 @@ use mesh_core::{ByteImage, UpAxis};
 use recon::delivery::{DeliverError, Delivery, Metrics, deliver, holes};
 use recon::evaluate::ViewScores;
 use recon::fit::{
-    ColorKind, FitConfig, FitError, Fitted, MARGIN, PhotoConsistency, Quality, RefinedCameras, fit,
+    ColorKind, FitConfig, FitError, Fitted, PhotoConsistency, Quality, RefinedCameras, fit,
     unused_detail,
 };
 use recon::progress::Event;
@@ -27,7 +27,9 @@ use crate::interrupt::Interrupt;
 use crate::progress::Progress;
 use crate::provenance::{facts, typed_command};
 use crate::truth::{Truth, is_fixed};
-use crate::views::{diagnosis, diagnosis_beside, read_views};
+use crate::views::{
+    add_scored, around_the_object, diagnosis, diagnosis_beside, read_views, up_axis,
+};
 
 /// Where the results go when nothing is said.
 pub(crate) const FOLDER: &str = "unsphere-fit";
@@ -85,7 +87,7 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Fit) -> Result<(
     let folder = arguments.output.create(FOLDER)?;
     let interrupt = Interrupt::listen(Some(folder.unfinished()))?;
     let truth = arguments.truth.as_ref().map(|path| Truth::read(console, path)).transpose()?;
-    let reading = around_the_object(arguments);
+    let reading = around_the_object(&arguments.reading);
     let mut views = read_views(console, path, &reading)?;
     if let Some(others) = &arguments.score {
         if config.hold_out.is_none() {
@@ -93,39 +95,17 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Fit) -> Result<(
                 "--score holds views out, and hold-out = none fits all: leave one of them away";
             return Err(Failure::Usage(text.to_owned()));
         }
-        let fitted = views.len();
-        // The list of names is of the views that are fitted.
-        let others = read_views(console, others, &ReadOptions { only: None, ..reading.clone() })?;
-        views.views.extend(others.views);
-        views.warnings.extend(others.warnings);
-        views.test = (fitted..views.len()).collect();
+        add_scored(console, &mut views, others, &reading)?;
     }
     views.warnings.iter().for_each(|warning| console.warn(warning));
     let name = path.file_stem().unwrap_or(path.as_os_str());
     let title = name.to_string_lossy();
     let truth = truth.as_ref();
-    let up = up_axis(console, arguments, &views);
+    let up = up_axis(console, arguments.up, &views);
     let strict = arguments.strict;
     let (config, title, listed, reading) = (&config, &*title, None, &reading);
     Job { title, views, reading, config, truth, up, folder, interrupt, listed, strict, start }
         .run(console)
-}
-
-/// How views are read: what is far from the object is not kept.
-pub(crate) fn around_the_object(arguments: &Fit) -> ReadOptions {
-    ReadOptions { margin: Some(1.2 * f64::from(MARGIN)), ..arguments.reading.options() }
-}
-
-/// The axis that is asked for, or what the cameras say.
-pub(crate) fn up_axis(console: Console, arguments: &Fit, views: &Views) -> UpAxis {
-    arguments.up.unwrap_or_else(|| {
-        let found = UpAxis::of_cameras(views.views.iter().map(|view| &view.camera));
-        if found != UpAxis::Y {
-            let text = "is up by the cameras: mesh.glb, the page and the turntable are turned so that they stand upright (--up)";
-            console.remark(format_args!("{found} {text}"));
-        }
-        found
-    })
 }
 
 /// The configuration that the command line asks for, checked.

@@ -1,5 +1,6 @@
 //! The commands, one file each.
 
+mod bake;
 mod batch;
 mod capture;
 pub(crate) mod check;
@@ -75,6 +76,7 @@ fn perform(
         Command::Export(arguments) => {
             (systems.named(&arguments.system).export)(console, global, &arguments)
         }
+        Command::Bake(arguments) => bake::run(console, &arguments),
         Command::Render(arguments) => render::run(console, &arguments),
         Command::Convert(arguments) => convert::run(console, &arguments),
         Command::Metrics(arguments) => metrics::run(console, global, &arguments),

@@ -3,6 +3,7 @@
 
 mod applied;
 mod bad_input;
+mod bake;
 mod batch;
 mod capture;
 mod commands;

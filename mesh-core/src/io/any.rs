@@ -37,6 +37,37 @@ pub fn read_mesh_with(
     }
 }
 
+/// [`read_mesh_with`] for who makes a texture anew: [`TriMesh::texture`] has the texture coordinates of the file, also where no
+/// image lies on the mesh or several do, and in place of an image one white pixel. `None` where the file has no texture
+/// coordinates; faces without take those of `(0, 0)`. No other file is opened.
+///
+/// ```
+/// let folder = tempfile::tempdir()?;
+/// let path = folder.path().join("unwrapped.obj");
+/// std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n")?;
+/// assert!(mesh_core::read_mesh(&path)?.texture.is_none()); // there is no image
+/// let mesh = mesh_core::read_mesh_with_uvs(&path, &mesh_core::Limits::default(), &mut Vec::new())?;
+/// assert_eq!(mesh.texture.ok_or("no texture")?.uvs[1], [1.0, 0.0]);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+/// As [`read_mesh`], less those of images.
+pub fn read_mesh_with_uvs(
+    path: impl AsRef<Path>,
+    limits: &Limits,
+    remarks: &mut Vec<Remark>,
+) -> Result<TriMesh, ReadMeshError> {
+    let path = path.as_ref();
+    match extension(path).as_str() {
+        "obj" => obj::read_with_uvs(path, limits, remarks),
+        "ply" => ply::read_with_uvs(path, limits, remarks),
+        "glb" => glb::read_with_uvs(path, limits, remarks),
+        // The others have none.
+        _ => read_mesh_with(path, limits, remarks),
+    }
+}
+
 /// Writes a mesh in the format of the path's extension: `.obj`, `.ply` (binary), `.glb`, `.stl`, and with the
 /// feature `3mf` `.3mf`.
 ///

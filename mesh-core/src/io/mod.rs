@@ -49,7 +49,7 @@ pub mod stl;
 pub mod threemf;
 
 #[cfg(feature = "files")]
-pub use any::{files_of, read_mesh, read_mesh_with, write_mesh};
+pub use any::{files_of, read_mesh, read_mesh_with, read_mesh_with_uvs, write_mesh};
 pub use atomic::write_atomic;
 pub use error::{EncodeError, ReadMeshError, WriteError};
 pub(crate) use regular::regular;

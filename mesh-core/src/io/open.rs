@@ -15,6 +15,8 @@ pub(super) struct Contents<'a> {
     pub(super) budget: Budget,
     /// Where files that it names may be; bytes alone name none.
     pub(super) root: Option<Root>,
+    /// Whether texture coordinates are wanted, and no image that lies on the mesh.
+    pub(super) only_uvs: bool,
 }
 
 impl<'a> Contents<'a> {
@@ -31,7 +33,7 @@ impl<'a> Contents<'a> {
 
     pub(super) fn of_bytes(bytes: Cow<'a, [u8]>, path: &'a Path, limits: &'a Limits) -> Self {
         let budget = limits.budget(bytes.len() as u64);
-        Self { bytes, path, limits, budget, root: None }
+        Self { bytes, path, limits, budget, root: None, only_uvs: false }
     }
 }
 
@@ -88,6 +90,11 @@ macro_rules! readers {
     };
 }
 pub(super) use readers;
+
+/// What stands for the image of a texture of which only the coordinates are wanted: one white pixel.
+pub(super) fn blank() -> Image {
+    Image { height: 1, width: 1, channels: 3, data: vec![1.0; 3] }
+}
 
 /// The image that lies on a mesh.
 pub(super) fn texture(path: &Path, file: &Path, limits: &Limits) -> Result<Image, ReadMeshError> {

@@ -1,6 +1,7 @@
 //! Pieces of a surface that are nearly flat.
 
 use std::collections::VecDeque;
+use std::ops::Range;
 
 use mesh_core::vector::{cross, dot};
 use mesh_core::{Topology, face_normals, vertex_normals};
@@ -13,6 +14,10 @@ const FACING: f32 = 0.6;
 const TRIAL: f32 = 6.0;
 /// Cells of the largest grid on which they are.
 const MOST_CELLS: usize = 1 << 22;
+
+/// Columns from which on a row is looked at only where a triangle reaches it, and what that takes for near, texels.
+const LONG_ROW: usize = 24;
+const SLACK: f64 = 2.0;
 
 /// A piece of the surface, seen along the mean of its first face's normals, right side up.
 #[derive(Clone, Debug)]
@@ -204,7 +209,7 @@ impl Chart {
 
 /// Calls `visit` with every cell whose centre lies in a triangle or at most `beyond` outside of it: column, row, how far inside
 /// of the nearest edge's line it is, and its barycentric coordinates.
-fn around(
+pub(super) fn around(
     [a, b, c]: [[f32; 2]; 3],
     [left, top, right, bottom]: [usize; 4],
     beyond: f32,
@@ -225,8 +230,15 @@ fn around(
         let most = a[k].max(b[k]).max(c[k]) + beyond + 0.5;
         (least.max(low as f32) as usize).max(low)..(most.max(0.0) as usize).min(high)
     };
+    let whole = range(0, left, right);
+    let sides = [[b, c], [c, a], [a, b]];
     for row in range(1, top, bottom) {
-        for column in range(0, left, right) {
+        let columns = if whole.len() < LONG_ROW {
+            whole.clone()
+        } else {
+            reached(sides, twice.signum(), row, beyond, whole.clone())
+        };
+        for column in columns {
             let p = [column as f32 + 0.5, row as f32 + 0.5];
             let w = [turn(p, b, c) / twice, turn(p, c, a) / twice, turn(p, a, b) / twice];
             let inside = (0..3).map(|k| w[k] * heights[k]).fold(f32::INFINITY, f32::min);
@@ -235,6 +247,34 @@ fn around(
             }
         }
     }
+}
+
+/// The columns of a row in which something can lie in a triangle or little more than `beyond` outside of it: of a long diagonal one
+/// a small part of its box.
+fn reached(
+    sides: [[[f32; 2]; 2]; 3],
+    sign: f32,
+    row: usize,
+    beyond: f32,
+    columns: Range<usize>,
+) -> Range<usize> {
+    let (mut low, mut high) = (columns.start as f64, columns.end as f64);
+    let y = row as f64 + 0.5;
+    for [q, r] in sides {
+        let [q, r] = [q, r].map(|p| p.map(f64::from));
+        let scale = f64::from(sign) / (q[0] - r[0]).hypot(q[1] - r[1]);
+        // How far inside a place of the row is: `across * x + at`.
+        let across = scale * (q[1] - r[1]);
+        let at = scale * ((r[0] - q[0]) * y + q[0] * r[1] - q[1] * r[0]);
+        let bound = (-f64::from(beyond) - SLACK - at) / across;
+        if across > 1e-6 {
+            low = low.max(bound - 1.0);
+        } else if across < -1e-6 {
+            high = high.min(bound + 1.0);
+        }
+    }
+    let start = low as usize;
+    start..(high.max(0.0).ceil() as usize).min(columns.end).max(start)
 }
 
 /// The up to three faces across the edges of each.
@@ -276,6 +316,60 @@ mod tests {
         let mut seen = vec![0; ball.faces.len()];
         charts.iter().flat_map(|chart| &chart.faces).for_each(|&f| seen[f as usize] += 1);
         assert!(seen.iter().all(|&count| count == 1));
+    }
+
+    #[test]
+    fn rows_are_looked_at_only_where_a_triangle_is() {
+        let mut state = 1u32;
+        let mut next = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) as f32 / (1 << 24) as f32
+        };
+        let mut visits = 0;
+        for round in 0..300 {
+            let mut corners: [[f32; 2]; 3] =
+                [[0.0; 2]; 3].map(|p| p.map(|_| 160.0 * next() - 16.0));
+            if round % 3 == 0 {
+                // A long sliver.
+                corners[2] =
+                    [0, 1].map(|k| corners[0][k] + 0.7 * (corners[1][k] - corners[0][k]) + next());
+            }
+            let beyond = [0.0, BEYOND][round % 2];
+            let mut found = vec![f32::NEG_INFINITY; 128 * 128];
+            around(corners, [0, 0, 128, 128], beyond, |column, row, inside, _| {
+                found[row * 128 + column] = inside;
+                visits += 1;
+            });
+            for (cell, &inside) in found.iter().enumerate() {
+                let p = [(cell % 128) as f64 + 0.5, (cell / 128) as f64 + 0.5];
+                let corners = corners.map(|q| q.map(f64::from));
+                let turn = |[p, q, r]: [[f64; 2]; 3]| {
+                    (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])
+                };
+                let sign = turn(corners).signum();
+                let depth = |k: usize| {
+                    let [q, r] = [corners[(k + 1) % 3], corners[(k + 2) % 3]];
+                    sign * turn([p, q, r]) / (q[0] - r[0]).hypot(q[1] - r[1])
+                };
+                let truth = (0..3).map(depth).fold(f64::INFINITY, f64::min);
+                let beyond = f64::from(beyond);
+                // Of a sharp corner the lines go on beyond what is looked at.
+                let within = |k: usize| {
+                    let ends = [0, 1, 2].map(|c| corners[c][k]);
+                    p[k] > ends.into_iter().fold(f64::INFINITY, f64::min) - beyond
+                        && p[k] < ends.into_iter().fold(f64::NEG_INFINITY, f64::max) + beyond
+                };
+                if !(within(0) && within(1)) {
+                    continue;
+                }
+                assert!(
+                    truth < -beyond + 0.01 || f64::from(inside) > -beyond - 0.01,
+                    "{corners:?} {p:?}"
+                );
+                assert!(inside == f32::NEG_INFINITY || (f64::from(inside) - truth).abs() < 0.01);
+            }
+        }
+        assert!(visits > 100_000, "{visits}");
     }
 
     #[test]

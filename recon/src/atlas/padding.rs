@@ -7,9 +7,9 @@ pub(super) const PADDING: usize = 4;
 
 /// Gives every texel that is not known the colour of those around it, of its own box first: left, top, width and height.
 ///
-/// In a box the border of what is known grows by as many texels as charts keep free and a few more; what is left there, and
-/// then what is in no box, takes the mean of the least part of an image pyramid that knows any.
-pub(super) fn fill(image: &mut Image, known: &[bool], boxes: &[[usize; 4]]) {
+/// In a box the border of what is known grows by so many `rings` of texels; what is left there, and then what is in no box, takes
+/// the mean of the least part of an image pyramid that knows any.
+pub(super) fn fill(image: &mut Image, known: &[bool], boxes: &[[usize; 4]], rings: usize) {
     let side = image.width;
     let mut known = known.to_vec();
     for &[left, top, width, height] in boxes {
@@ -23,9 +23,7 @@ pub(super) fn fill(image: &mut Image, known: &[bool], boxes: &[[usize; 4]]) {
         if !part_known.contains(&true) {
             continue;
         }
-        for _ in 0..=PADDING {
-            grow(&mut part, &mut part_known);
-        }
+        grow(&mut part, &mut part_known, rings);
         pull(&mut part.data, &part_known, [width, height]);
         for k in 0..width * height {
             image.data[3 * texels(k)..][..3].copy_from_slice(&part.data[3 * k..3 * k + 3]);
@@ -35,33 +33,43 @@ pub(super) fn fill(image: &mut Image, known: &[bool], boxes: &[[usize; 4]]) {
     pull(&mut image.data, &known, [side, side]);
 }
 
-/// Colours the unknown neighbours of known texels with their mean.
-fn grow(image: &mut Image, known: &mut [bool]) {
+/// Colours the unknown neighbours of known texels with their mean, and then, ring after ring, theirs.
+fn grow(image: &mut Image, known: &mut [bool], rings: usize) {
+    const AROUND: [[isize; 2]; 8] =
+        [[-1, -1], [-1, 0], [-1, 1], [0, -1], [0, 1], [1, -1], [1, 0], [1, 1]];
     let (width, height) = (image.width as isize, image.height as isize);
-    let mut found = Vec::new();
-    for row in 0..height {
-        for column in 0..width {
-            if known[(row * width + column) as usize] {
-                continue;
-            }
+    let neighbors = |texel: usize| {
+        let (row, column) = (texel as isize / width, texel as isize % width);
+        let inside = move |[i, j]: [isize; 2]| {
+            let (r, c) = (row + i, column + j);
+            let inside = (0..height).contains(&r) && (0..width).contains(&c);
+            inside.then_some((r * width + c) as usize)
+        };
+        AROUND.into_iter().filter_map(inside)
+    };
+    // Beyond the first ring only neighbours of the last one can be next.
+    let mut next: Vec<usize> = (0..known.len()).filter(|&texel| !known[texel]).collect();
+    for _ in 0..rings {
+        let mut found = Vec::new();
+        for &texel in &next {
             let (mut sum, mut count) = ([0.0f32; 3], 0.0f32);
-            for (i, j) in [(-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1)] {
-                let (r, c) = (row + i, column + j);
-                let inside = (0..height).contains(&r) && (0..width).contains(&c);
-                if inside && known[(r * width + c) as usize] {
-                    let texel = &image.data[3 * (r * width + c) as usize..][..3];
-                    (0..3).for_each(|k| sum[k] += texel[k]);
-                    count += 1.0;
-                }
+            for near in neighbors(texel).filter(|&near| known[near]) {
+                let color = &image.data[3 * near..][..3];
+                (0..3).for_each(|k| sum[k] += color[k]);
+                count += 1.0;
             }
             if count > 0.0 {
-                found.push(((row * width + column) as usize, sum.map(|s| s / count)));
+                found.push((texel, sum.map(|s| s / count)));
             }
         }
-    }
-    for (texel, color) in found {
-        image.data[3 * texel..3 * texel + 3].copy_from_slice(&color);
-        known[texel] = true;
+        for &(texel, color) in &found {
+            image.data[3 * texel..3 * texel + 3].copy_from_slice(&color);
+            known[texel] = true;
+        }
+        let around = |&(texel, _): &(usize, [f32; 3])| neighbors(texel);
+        next = found.iter().flat_map(around).filter(|&texel| !known[texel]).collect();
+        next.sort_unstable();
+        next.dedup();
     }
 }
 
@@ -107,7 +115,7 @@ mod tests {
             known[texel] = true;
         }
         let boxes = [[0, 0, 16, 16], [16, 16, 15, 15]];
-        fill(&mut image, &known, &boxes);
+        fill(&mut image, &known, &boxes, PADDING + 1);
         let at = |row: usize, column: usize| &image.data[3 * (31 * row + column)..][..3];
         assert!(image.data.chunks(3).all(|c| (c.iter().sum::<f32>() - 1.0).abs() < 1e-5));
         // A box has its own colour up to its border.
@@ -115,7 +123,7 @@ mod tests {
             assert_eq!(at(row, column), color);
         }
         let mut nothing = Image::new(4, 4, 3);
-        fill(&mut nothing, &[false; 16], &[[0, 0, 4, 4]]);
+        fill(&mut nothing, &[false; 16], &[[0, 0, 4, 4]], 3);
         assert!(nothing.data.iter().all(|&x| x == 0.0));
     }
 }

@@ -1,10 +1,12 @@
 //! From a fit to the folder that a user keeps: meshes, turntable, report and figures.
 
+mod baked;
 mod comparison;
 mod metrics;
 mod refinement;
 mod report;
 
+pub use baked::{BakedDelivery, BakedMetrics, deliver_baked};
 pub use comparison::compare;
 pub use metrics::Metrics;
 pub use refinement::Refinement;

@@ -1,10 +1,15 @@
 //! What a fit can be told.
 
+use datasets::View;
 use serde::{Deserialize, Serialize};
 use train::settings::{LARGEST, Options as _};
 
 use super::distance::Blur;
+use super::target::Target;
 
+/// What a fit looks at around the object in each view, as a share of the longer side of its box: of views that are
+/// [cropped](View::cropped_to_object) to more nothing is missed.
+pub const MARGIN: f32 = 0.3;
 /// The most rounds in which cameras and shape are refined in turn after a level, and the steps of the shape in each.
 pub(super) const REFINING: (usize, usize) = (20, 20);
 
@@ -102,6 +107,11 @@ impl FitConfig {
             problems.push(format!("`level` is {level}, expected at least `start-level`, {start}"));
         }
         problems
+    }
+
+    /// What the outline is pulled towards in a view, and colours are taken from; `None` where its mask is empty.
+    pub(crate) fn target(&self, view: &View) -> Option<Target> {
+        Target::new(view, self.blur(), self.reach, MARGIN)
     }
 
     /// How masks are measured.

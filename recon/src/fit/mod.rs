@@ -46,14 +46,12 @@
 mod alignment;
 mod camera_equations;
 mod cameras;
-mod color;
 mod config;
 mod contour;
 mod correlation;
 mod crossing;
 mod distance;
 mod error;
-mod exposure;
 mod fairing;
 mod flatten;
 mod grading;
@@ -75,7 +73,6 @@ mod refine;
 mod selection;
 mod settle;
 mod shape;
-mod sight;
 mod skin;
 mod solid;
 mod sparse_views;
@@ -84,8 +81,7 @@ mod start;
 mod stepper;
 mod stereo;
 mod symmetry;
-mod target;
-mod texture;
+pub(crate) mod target;
 
 use std::time::Instant;
 
@@ -94,8 +90,13 @@ use mesh_core::{Health, TriMesh, untangle};
 use train::Metric;
 use train::progress::{Ended, Event, Facts, Step, Watch};
 
+use crate::bake::color;
+use crate::bake::exposure::{self, Exposure};
+use crate::bake::sight::Photographed;
+use crate::bake::texture;
+
 pub use alignment::RefinedCameras;
-pub use config::{ColorKind, FitConfig, TopologyKind};
+pub use config::{ColorKind, FitConfig, MARGIN, TopologyKind};
 pub use error::FitError;
 pub use photometric::PhotoConsistency;
 use photometric::Photographs;
@@ -105,17 +106,12 @@ pub use refine::{RefineConfig, refine};
 pub use stepper::Stepper;
 
 use alignment::{Alignment, Given};
-use exposure::Exposure;
 use order::Order;
 use selection::Selection;
 use shape::Shape;
-use sight::Photographed;
 use start::Start;
 use target::Target;
 
-/// What a fit looks at around the object in each view, as a share of the longer side of its box: of views that are
-/// [cropped](View::cropped_to_object) to more nothing is missed.
-pub const MARGIN: f32 = 0.3;
 /// Steps between two scores of the held-out views.
 const EVALUATE_EVERY: usize = 50;
 /// Steps over which a level's progress is judged.
@@ -179,8 +175,7 @@ impl Fitted {
 
     /// Least and greatest of [`exposures`](Self::exposures).
     pub fn exposure_range(&self) -> Option<[f32; 2]> {
-        let all = || self.exposures.iter().flatten().flatten().copied();
-        all().reduce(f32::min).zip(all().reduce(f32::max)).map(|(least, most)| [least, most])
+        exposure::range(self.exposures.as_deref())
     }
 }
 
@@ -231,8 +226,7 @@ impl<'a, 'o> Run<'a, 'o> {
         let views = &views.views[..];
         let measure = |indices: &[usize]| -> Vec<Target> {
             use rayon::prelude::*;
-            let target = |&i| Target::new(&views[i], config.blur(), config.reach, MARGIN);
-            indices.par_iter().filter_map(target).collect()
+            indices.par_iter().filter_map(|&i| config.target(&views[i])).collect()
         };
         let (mut train, mut held_out) = (measure(&train_views), measure(&held_out_views));
         let seen: Vec<&View> = train_views.iter().map(|&i| &views[i]).collect();
@@ -450,7 +444,10 @@ impl<'a, 'o> Run<'a, 'o> {
         let mut texture = None;
         if config.color == ColorKind::Texture {
             self.stage("texture", vertices, count);
-            texture = texture::bake(&photographed, &exposure, &colors, config.texture_size);
+            let atlas = texture::atlas(&photographed, config.texture_size);
+            let painted =
+                |atlas| texture::painted(&photographed, &exposure, &colors, atlas, &|_, _| ());
+            texture = atlas.map(|atlas| painted(atlas).texture);
             if let (None, Some(side)) = (&texture, config.texture_size) {
                 self.warn(format!("no texture: {side} x {side} has no room for {count} faces"));
             }

@@ -6,17 +6,18 @@ use mesh_core::{ClosestPoint, Topology, TriMesh, bounds, untangle};
 use rayon::prelude::*;
 use train::settings::{LARGEST, Options as _};
 
-use super::config::FitConfig;
+use super::config::{FitConfig, MARGIN};
 use super::distance::Blur;
 use super::error::FitError;
-use super::exposure::Exposure;
 use super::grading::{Graded, graded};
 use super::prior::Prior;
+use super::settle;
 use super::shape::Shape;
-use super::sight::Photographed;
 use super::symmetry::mirrored;
 use super::target::Target;
-use super::{MARGIN, color, settle};
+use crate::bake::color;
+use crate::bake::exposure::Exposure;
+use crate::bake::sight::Photographed;
 
 train::options! {
     /// Options of a refinement.

@@ -50,7 +50,7 @@ mod tests {
     use mesh_core::{TriMesh, primitives::icosphere};
     use synth::{Orbit, RenderOptions, render_views};
 
-    use super::{super::MARGIN, *};
+    use super::*;
 
     fn balls(places: &[(f32, f32)]) -> TriMesh {
         let ball = |&(x, r): &(f32, f32)| icosphere(3).scaled([r; 3]).translated([x, 0.0, 0.0]);
@@ -69,7 +69,7 @@ mod tests {
         let look = RenderOptions::default();
         let views = render_views(&object, &orbit.cameras(), &look, &|_, _| {}).unwrap();
         let config = FitConfig::default();
-        let target = |view| Target::new(view, config.blur(), config.reach, MARGIN);
+        let target = |view| config.target(view);
         let mut targets: Vec<Target> = views.iter().filter_map(target).collect();
         for target in &mut targets {
             target.place([0.0; 3], 1.0);

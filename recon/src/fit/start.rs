@@ -135,7 +135,7 @@ fn cut(solid: &Solid) -> String {
 mod tests {
     use synth::{Orbit, RenderOptions, render_views, shapes::Family};
 
-    use super::{super::MARGIN, *};
+    use super::*;
     use crate::fit::placement;
 
     /// Spokes, stays and chain are nearer to each other than the edges of a coarse mesh are long.
@@ -147,7 +147,7 @@ mod tests {
         let views = render_views(&object, &orbit.cameras(), &look, &|_, _| {}).unwrap();
         let views: Vec<&View> = views.iter().collect();
         let config = FitConfig::default();
-        let target = |view: &&View| Target::new(view, config.blur(), config.reach, MARGIN);
+        let target = |view: &&View| config.target(view);
         let mut targets: Vec<Target> = views.iter().filter_map(target).collect();
         let placement = placement::place(&views, &mut targets).unwrap();
         let (start, _) = Start::of(&views, &mut targets, &placement, &config);

@@ -2,7 +2,7 @@
 
 use datasets::View;
 
-use super::{MARGIN, config::FitConfig, error::FitError, placement, shape::Shape, target::Target};
+use super::{config::FitConfig, error::FitError, placement, shape::Shape, target::Target};
 
 /// A fit that is advanced step by step, at one level, over all views it was given.
 ///
@@ -30,10 +30,7 @@ impl Stepper {
             view.validate()?;
         }
         let seen: Vec<&View> = views.iter().filter(|v| v.mask_bounds().is_some()).collect();
-        let mut targets: Vec<Target> = seen
-            .iter()
-            .filter_map(|v| Target::new(v, config.blur(), config.reach, MARGIN))
-            .collect();
+        let mut targets: Vec<Target> = seen.iter().filter_map(|v| config.target(v)).collect();
         if targets.len() < 2 {
             return Err(FitError::TooFewViews {
                 remaining: targets.len(),

@@ -15,19 +15,19 @@ const SURE: f32 = 0.1;
 /// Only the box around the object is kept, so that memory and time follow the object's size in
 /// the image rather than the image's.
 #[derive(Clone, Debug)]
-pub(super) struct Target {
+pub(crate) struct Target {
     /// What the view is called in its source.
-    pub(super) name: String,
+    pub(crate) name: String,
     /// First column of the box in the view.
-    pub(super) left: usize,
+    pub(crate) left: usize,
     /// First row of the box in the view.
-    pub(super) top: usize,
+    pub(crate) top: usize,
     /// Columns of the box.
-    pub(super) width: usize,
+    pub(crate) width: usize,
     /// Rows of the box.
-    pub(super) height: usize,
+    pub(crate) height: usize,
     /// Whether the lens divides by depth.
-    pub(super) perspective: bool,
+    pub(crate) perspective: bool,
     /// The camera of the box.
     camera: Camera,
     /// Rows x, y, depth of the camera over world points, to pixels of the box.
@@ -100,7 +100,7 @@ impl Target {
     }
 
     /// Sets the frame of [`project`](Self::project): world point = `center + radius * point`.
-    pub(super) fn place(&mut self, center: [f64; 3], radius: f64) {
+    pub(crate) fn place(&mut self, center: [f64; 3], radius: f64) {
         for (row, world) in self.rows.iter_mut().zip(&self.world) {
             let offset: f64 = (0..3).map(|k| world[k] * center[k]).sum::<f64>() + world[3];
             for k in 0..3 {
@@ -134,7 +134,7 @@ impl Target {
 
     /// Column and row in pixels of the box, and depth (in world units, positive in front).
     #[inline]
-    pub(super) fn project(&self, p: [f32; 3]) -> [f32; 3] {
+    pub(crate) fn project(&self, p: [f32; 3]) -> [f32; 3] {
         let [x, y, depth] = affine(&self.rows, p);
         if self.perspective { [x / depth, y / depth, depth] } else { [x, y, depth] }
     }
@@ -163,7 +163,7 @@ impl Target {
     }
 
     /// Pixels per unit length of the fitted frame, at a depth.
-    pub(super) fn pixels_per_unit(&self, depth: f32) -> f32 {
+    pub(crate) fn pixels_per_unit(&self, depth: f32) -> f32 {
         let r = &self.rows[0];
         let along = self.rows[2];
         // The part of the x row that is across the optical axis.
@@ -176,7 +176,7 @@ impl Target {
     /// Signed distance in pixels at a point of the box, bilinear between pixel centres; the
     /// border's value beyond it.
     #[inline]
-    pub(super) fn distance(&self, column: f32, row: f32) -> f32 {
+    pub(crate) fn distance(&self, column: f32, row: f32) -> f32 {
         let at = |row: usize, column: usize| [f32::from(self.distance[row * self.width + column])];
         let [distance] = bilinear([self.width, self.height], [column - 0.5, row - 0.5], at);
         self.unit * distance
@@ -188,13 +188,13 @@ impl Target {
     }
 
     /// Intersection over union of the mask and the pixels of the box that are covered.
-    pub(super) fn iou(&self, covered: &[bool]) -> f64 {
+    pub(crate) fn iou(&self, covered: &[bool]) -> f64 {
         let pixels = covered.iter().enumerate();
         iou(pixels.map(|(pixel, &covered)| (covered, self.in_mask(pixel)))).unwrap_or(0.0)
     }
 
     /// Pixels of the mask.
-    pub(super) fn mask_area(&self) -> usize {
+    pub(crate) fn mask_area(&self) -> usize {
         self.mask.iter().map(|byte| byte.count_ones() as usize).sum()
     }
 
@@ -221,7 +221,7 @@ impl Target {
     }
 
     /// Depth, in world units, per unit length of the fitted frame along the optical axis.
-    pub(super) fn depth_per_unit(&self) -> f32 {
+    pub(crate) fn depth_per_unit(&self) -> f32 {
         self.rows[2][..3].iter().map(|v| v * v).sum::<f32>().sqrt()
     }
 }

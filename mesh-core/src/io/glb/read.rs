@@ -8,7 +8,7 @@ use super::accessor::Items;
 use super::document::{Document, Node, PER_ITEM, PER_OBJECT, Primitive};
 use super::soup::Soup;
 use super::{BIN, JSON, MAGIC};
-use crate::io::open::{Contents, readers};
+use crate::io::open::{self, Contents, readers};
 use crate::io::remark::counted;
 use crate::io::{ReadMeshError, Remark};
 use crate::{Budget, Image, Limits, TriMesh, decode_image_with, linear_to_srgb, srgb_to_linear};
@@ -31,6 +31,15 @@ readers! {
     assemble
 }
 
+/// What [`read_mesh_with_uvs`](crate::read_mesh_with_uvs) gives of a GLB file.
+pub(in crate::io) fn read_with_uvs(
+    path: &Path,
+    limits: &Limits,
+    remarks: &mut Vec<Remark>,
+) -> Result<TriMesh, ReadMeshError> {
+    assemble(Contents { only_uvs: true, ..Contents::of_file(path, limits)? }, remarks)
+}
+
 /// What showing a part of a mesh is counted as, beside its vertices and triangles.
 const PER_PART: u64 = 32;
 
@@ -43,6 +52,8 @@ pub(super) struct Glb<'a> {
     path: &'a Path,
     pub(super) document: Document,
     bin: &'a [u8],
+    /// As [`Contents::only_uvs`].
+    only_uvs: bool,
 }
 
 /// What was left out on the way.
@@ -57,10 +68,10 @@ struct LeftOut {
 }
 
 fn assemble(contents: Contents<'_>, remarks: &mut Vec<Remark>) -> Result<TriMesh, ReadMeshError> {
-    let Contents { bytes, path, limits, mut budget, .. } = contents;
+    let Contents { bytes, path, limits, mut budget, only_uvs, .. } = contents;
     let budget = &mut budget;
     let over = ReadMeshError::over_limit(path);
-    let glb = Glb::open(&bytes, path, budget)?;
+    let glb = Glb { only_uvs, ..Glb::open(&bytes, path, budget)? };
     let mut soup = Soup::default();
     let mut left_out = LeftOut::default();
     for (node, transform) in glb.placed(budget)? {
@@ -72,11 +83,16 @@ fn assemble(contents: Contents<'_>, remarks: &mut Vec<Remark>) -> Result<TriMesh
             glb.primitive(primitive, &transform, &mut soup, budget, &mut left_out)?;
         }
     }
-    let mut image = soup.image.map(|index| glb.image(index, limits)).transpose()?;
-    if let Some(image) = &mut image {
-        tinted(image, soup.tint);
-        // A mesh has colours or a texture.
-        soup.colors.clear();
+    let image = if only_uvs {
+        (!soup.uvs.is_empty()).then(open::blank)
+    } else {
+        soup.image.map(|index| glb.image(index, limits)).transpose()?.map(|i| tinted(i, soup.tint))
+    };
+    if image.is_some() {
+        // A mesh has colours or a texture; one that gets its texture still has those that no view will show.
+        if !only_uvs {
+            soup.colors.clear();
+        }
         counted(remarks, left_out.bare, |count| Remark::MissingTexcoords { count });
     }
     let (mesh, repeated) = soup.joined(image, budget).map_err(&over)?;
@@ -88,15 +104,16 @@ fn assemble(contents: Contents<'_>, remarks: &mut Vec<Remark>) -> Result<TriMesh
 }
 
 /// Multiplies what a texture shows by a colour of linear light, as glTF has it.
-fn tinted(image: &mut Image, tint: [f32; 3]) {
+fn tinted(mut image: Image, tint: [f32; 3]) -> Image {
     if tint == [1.0; 3] {
-        return;
+        return image;
     }
     for pixel in image.data.chunks_exact_mut(3) {
         for (c, t) in pixel.iter_mut().zip(tint) {
             *c = linear_to_srgb((srgb_to_linear(*c) * t).clamp(0.0, 1.0));
         }
     }
+    image
 }
 
 impl<'a> Glb<'a> {
@@ -142,7 +159,7 @@ impl<'a> Glb<'a> {
         if let Some(name) = document.extensions_required.iter().find(|name| !is_harmless(name)) {
             return Err(bad("extensionsRequired", name, "none that changes geometry or colours"));
         }
-        Ok(Self { path, document, bin })
+        Ok(Self { path, document, bin, only_uvs: false })
     }
 
     pub(super) fn bad(&self, field: &str, found: impl ToString, expected: &str) -> ReadMeshError {
@@ -242,7 +259,13 @@ impl<'a> Glb<'a> {
         let factor =
             surface.and_then(|s| s.base_color_factor).map_or([1.0; 3], |f| [f[0], f[1], f[2]]);
         let mut textured = false;
-        if let Some(info) = surface.and_then(|s| s.base_color_texture.as_ref()) {
+        if self.only_uvs {
+            // Whatever image lies there, and on parts that have none yet.
+            if let Some(texcoord) = primitive.attributes.texcoord {
+                self.texcoords(texcoord, base, count, soup, budget)?;
+                textured = true;
+            }
+        } else if let Some(info) = surface.and_then(|s| s.base_color_texture.as_ref()) {
             let texture = self.get(&self.document.textures, info.index, "texture")?;
             let usable =
                 info.tex_coord == 0 && soup.image.is_none_or(|i| texture.source == Some(i));
@@ -261,7 +284,7 @@ impl<'a> Glb<'a> {
         let own = self.document.asset.generator.starts_with(super::GENERATOR);
         soup.split |= primitive.attributes.normal.is_some() && !own;
         let color = primitive.attributes.color;
-        if textured {
+        if textured && !self.only_uvs {
             left_out.tints += usize::from(color.is_some() || factor != soup.tint);
         } else if color.is_some() || factor != [1.0; 3] {
             self.vertex_colors(color, factor, base, count, soup, budget)?;

@@ -1,11 +1,13 @@
 //! Reading OBJ as people have it.
 
+use std::path::Path;
+
 use super::mtl::Materials;
 use super::parse::{NONE, Parsed, UNCOLORED, parse};
 use crate::io::open::{self, Contents, readers};
 use crate::io::remark::counted;
 use crate::io::{ReadMeshError, Remark};
-use crate::{Budget, Image, Texture, TriMesh};
+use crate::{Budget, Image, Limits, Texture, TriMesh};
 
 readers! {
     /// Reads an OBJ file and the texture of its material library, or where there is none the materials' colours (`Kd`).
@@ -33,12 +35,23 @@ readers! {
     mesh
 }
 
+/// What [`read_mesh_with_uvs`](crate::read_mesh_with_uvs) gives of an OBJ file.
+pub(in crate::io) fn read_with_uvs(
+    path: &Path,
+    limits: &Limits,
+    remarks: &mut Vec<Remark>,
+) -> Result<TriMesh, ReadMeshError> {
+    mesh(Contents { only_uvs: true, ..Contents::of_file(path, limits)? }, remarks)
+}
+
 fn mesh(contents: Contents<'_>, remarks: &mut Vec<Remark>) -> Result<TriMesh, ReadMeshError> {
-    let Contents { bytes, path, limits, mut budget, root } = contents;
+    let Contents { bytes, path, limits, mut budget, root, only_uvs } = contents;
     let mut parsed = parse(&bytes, path, &mut budget, remarks)?;
     drop(bytes);
     let mut image = None;
-    if let Some(root) = root {
+    if only_uvs {
+        image = (!parsed.uv_faces.is_empty()).then(open::blank);
+    } else if let Some(root) = root {
         let materials = Materials::read(&parsed, &root, path, limits, remarks)?;
         if let Some(file) = materials.image(&parsed, &root, remarks) {
             image = Some(open::texture(path, &file, limits)?);

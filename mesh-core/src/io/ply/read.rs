@@ -5,10 +5,10 @@ use std::path::Path;
 use super::faces::{faces, strips};
 use super::header::{Element, Header, parse};
 use super::numbers::Numbers;
-use crate::io::open::{Contents, readers, texture};
+use crate::io::open::{Contents, blank, readers, texture};
 use crate::io::remark::{counted, not_read};
 use crate::io::{ReadMeshError, Remark};
-use crate::{Budget, Texture, TriMesh};
+use crate::{Budget, Limits, Texture, TriMesh};
 
 readers! {
     /// Reads a PLY file: ASCII or binary, any order and type of properties.
@@ -30,12 +30,25 @@ readers! {
     mesh
 }
 
+/// What [`read_mesh_with_uvs`](crate::read_mesh_with_uvs) gives of a PLY file.
+pub(in crate::io) fn read_with_uvs(
+    path: &Path,
+    limits: &Limits,
+    remarks: &mut Vec<Remark>,
+) -> Result<TriMesh, ReadMeshError> {
+    mesh(Contents { only_uvs: true, ..Contents::of_file(path, limits)? }, remarks)
+}
+
 fn mesh(contents: Contents<'_>, remarks: &mut Vec<Remark>) -> Result<TriMesh, ReadMeshError> {
-    let Contents { bytes, path, limits, mut budget, root } = contents;
+    let Contents { bytes, path, limits, mut budget, root, only_uvs } = contents;
     let header = parse(&bytes, path, &mut budget)?;
     let parts = parts(&bytes, &header, path, &mut budget)?;
     drop(bytes);
     let (mesh, placed) = parts.mesh(path, &mut budget, remarks)?;
+    if only_uvs {
+        let texture = placed.map(|(uvs, faces)| Texture { uvs, faces, image: blank() });
+        return Ok(TriMesh { texture, ..mesh });
+    }
     let (Some(root), Some(name), Some((uvs, faces))) = (root, header.texture, placed) else {
         return Ok(mesh);
     };

@@ -89,6 +89,8 @@ impl Normal {
         let smooth = (SMOOTHNESS * seen.iter().sum::<f64>() / seen.len() as f64) as f32;
         let diagonal: Vec<f32> = (0..n)
             .map(|v| self.diagonal[v] + smooth * topology.vertex_vertices.row(v).len() as f32)
+            // Of a vertex without a face nothing is asked.
+            .map(|diagonal| if diagonal > 0.0 { diagonal } else { 1.0 })
             .collect();
         let apply = |x: &[[f32; 3]], y: &mut [[f32; 3]]| {
             for v in 0..n {
@@ -153,7 +155,7 @@ fn quotient(a: f64, b: f64) -> f32 {
 /// Solves for the colours of the vertices, sRGB in `[0, 1]`.
 ///
 /// Smooth is what colours differ by from those `before`, where there are some: what no view shows keeps its pattern.
-pub(super) fn vertex_colors(
+pub(crate) fn vertex_colors(
     seen: &Photographed<'_>,
     topology: &Topology,
     exposure: &Exposure,
@@ -183,7 +185,7 @@ pub(super) fn vertex_colors(
 }
 
 /// Solves once more, from colours that are nearly right.
-pub(super) fn again(
+pub(crate) fn again(
     seen: &Photographed<'_>,
     topology: &Topology,
     exposure: &Exposure,

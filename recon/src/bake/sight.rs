@@ -8,52 +8,52 @@ use mesh_core::vector::{cross, interpolate, norm, sub};
 use ndarray::ArrayView3;
 use rayon::prelude::*;
 
-use super::target::Target;
+use crate::fit::target::Target;
 
 /// Samples of all views that are kept, at most, 32 bytes each; more are drawn anew each time.
 const KEPT: usize = 1 << 21;
 
 /// A look at the mesh from one view after the other, in memory that is kept.
 #[derive(Default)]
-pub(super) struct Sight {
+pub(crate) struct Sight {
     ndc: Vec<f32>,
-    pub(super) projected: Vec<[f32; 3]>,
-    pub(super) fragments: Fragments,
+    pub(crate) projected: Vec<[f32; 3]>,
+    pub(crate) fragments: Fragments,
     scratch: Scratch,
 }
 
 /// A pixel that shows the surface.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Sample {
-    pub(super) face: u32,
-    pub(super) barycentric: [f32; 3],
+pub(crate) struct Sample {
+    pub(crate) face: u32,
+    pub(crate) barycentric: [f32; 3],
     /// What the photograph shows there, sRGB.
-    pub(super) color: [f32; 3],
+    pub(crate) color: [f32; 3],
     /// How much it should count: little where the surface is seen at a slant or the mask ends.
-    pub(super) weight: f32,
+    pub(crate) weight: f32,
 }
 
 impl Sample {
     /// What vertex colours are at the pixel.
-    pub(super) fn interpolate(&self, faces: &[[u32; 3]], colors: &[[f32; 3]]) -> [f32; 3] {
+    pub(crate) fn interpolate(&self, faces: &[[u32; 3]], colors: &[[f32; 3]]) -> [f32; 3] {
         let corners = faces[self.face as usize].map(|v| colors[v as usize]);
         interpolate(self.barycentric, &corners)
     }
 }
 
 /// A surface and the photographs of it: `views` and `targets` correspond.
-pub(super) struct Photographed<'a> {
-    pub(super) views: &'a [&'a View],
-    pub(super) targets: &'a [Target],
-    pub(super) positions: &'a [[f32; 3]],
-    pub(super) faces: &'a [[u32; 3]],
-    pub(super) drawn: Arc<Faces>,
+pub(crate) struct Photographed<'a> {
+    pub(crate) views: &'a [&'a View],
+    pub(crate) targets: &'a [Target],
+    pub(crate) positions: &'a [[f32; 3]],
+    pub(crate) faces: &'a [[u32; 3]],
+    pub(crate) drawn: Arc<Faces>,
     /// The samples of each view; none where they are too many.
     kept: Vec<Vec<Sample>>,
 }
 
 impl<'a> Photographed<'a> {
-    pub(super) fn new(
+    pub(crate) fn new(
         views: &'a [&'a View],
         targets: &'a [Target],
         positions: &'a [[f32; 3]],
@@ -73,7 +73,7 @@ impl<'a> Photographed<'a> {
     }
 
     /// Calls `visit` with every pixel of a view that shows the surface.
-    pub(super) fn samples(&self, sight: &mut Sight, view: usize, visit: impl FnMut(Sample)) {
+    pub(crate) fn samples(&self, sight: &mut Sight, view: usize, visit: impl FnMut(Sample)) {
         if let Some(kept) = self.kept.get(view) {
             return kept.iter().copied().for_each(visit);
         }
@@ -84,8 +84,28 @@ impl<'a> Photographed<'a> {
 }
 
 impl Sight {
-    /// Draws the mesh into the box of a target.
-    pub(super) fn look(&mut self, target: &Target, positions: &[[f32; 3]], faces: &Arc<Faces>) {
+    /// Draws the faces that look at the camera into the box of a target.
+    pub(crate) fn look(&mut self, target: &Target, positions: &[[f32; 3]], faces: &Arc<Faces>) {
+        self.draw(target, positions, faces, true);
+    }
+
+    /// Draws all faces, also from behind.
+    pub(super) fn look_at_both_sides(
+        &mut self,
+        target: &Target,
+        positions: &[[f32; 3]],
+        faces: &Arc<Faces>,
+    ) {
+        self.draw(target, positions, faces, false);
+    }
+
+    fn draw(
+        &mut self,
+        target: &Target,
+        positions: &[[f32; 3]],
+        faces: &Arc<Faces>,
+        cull_back_faces: bool,
+    ) {
         let (w, h) = (target.width as f32, target.height as f32);
         self.projected.clear();
         self.projected.extend(positions.iter().map(|&p| target.project(p)));
@@ -95,7 +115,7 @@ impl Sight {
         );
         let settings = Settings {
             perspective: target.perspective,
-            cull_back_faces: true,
+            cull_back_faces,
             ..Settings::new(target.height, target.width)
         };
         let ndc = ArrayView3::from_shape((1, positions.len(), 3), &self.ndc)
@@ -105,14 +125,21 @@ impl Sight {
 
     /// How squarely a face is seen, 0 to 1.
     #[inline]
-    pub(super) fn facing(&self, target: &Target, positions: &[[f32; 3]], face: [u32; 3]) -> f32 {
+    pub(crate) fn facing(&self, target: &Target, positions: &[[f32; 3]], face: [u32; 3]) -> f32 {
         let [a, b, c] = face.map(|v| self.projected[v as usize]);
-        let seen = (b[1] - a[1]) * (c[0] - a[0]) - (b[0] - a[0]) * (c[1] - a[1]);
+        let seen = self.doubled_area(face);
         let [p, q, r] = face.map(|v| positions[v as usize]);
         let normal = cross(sub(q, p), sub(r, p));
         let area = norm(normal);
         let scale = target.pixels_per_unit((a[2] + b[2] + c[2]) / 3.0);
         (seen / (area * scale * scale).max(1e-20)).clamp(0.0, 1.0)
+    }
+
+    /// Twice a face's area in the last [`look`](Self::look), pixels; negative from behind.
+    #[inline]
+    pub(super) fn doubled_area(&self, face: [u32; 3]) -> f32 {
+        let [a, b, c] = face.map(|v| self.projected[v as usize]);
+        (b[1] - a[1]) * (c[0] - a[0]) - (b[0] - a[0]) * (c[1] - a[1])
     }
 
     /// Calls `visit` with every pixel of the last [`look`](Self::look) that shows the surface.

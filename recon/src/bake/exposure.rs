@@ -29,7 +29,7 @@ const CLIPPED: [f32; 2] = [0.02, 0.98];
 
 /// What each view's colours are multiplied by to be those of the surface, red, green, blue.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Exposure {
+pub(crate) struct Exposure {
     /// One a view.
     factors: Vec<[f32; 3]>,
 }
@@ -39,23 +39,23 @@ type Sums = [[f64; 3]; 3];
 
 impl Exposure {
     /// All views alike.
-    pub(super) fn even(views: usize) -> Self {
+    pub(crate) fn even(views: usize) -> Self {
         Self { factors: vec![[1.0; 3]; views] }
     }
 
     /// A view's colour, as that of the surface.
-    pub(super) fn brought(&self, view: usize, color: [f32; 3]) -> [f32; 3] {
+    pub(crate) fn brought(&self, view: usize, color: [f32; 3]) -> [f32; 3] {
         std::array::from_fn(|c| self.factors[view][c] * color[c])
     }
 
     /// What each view's colours are of those of the surface.
-    pub(super) fn relative(&self) -> Vec<[f32; 3]> {
+    pub(crate) fn relative(&self) -> Vec<[f32; 3]> {
         self.factors.iter().map(|factors| factors.map(f32::recip)).collect()
     }
 
     /// Finds the factors where views differ, and makes the colours those of all views together; none, and the colours as
     /// they are, where one light explains the photographs nearly as well.
-    pub(super) fn found(
+    pub(crate) fn found(
         seen: &Photographed<'_>,
         topology: &Topology,
         colors: &mut Vec<[f32; 3]>,
@@ -139,6 +139,12 @@ impl Exposure {
         let pairs = self.factors.iter().flatten().zip(other.factors.iter().flatten());
         pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
     }
+}
+
+/// Least and greatest of what views are of the surface.
+pub(crate) fn range(exposures: Option<&[[f32; 3]]>) -> Option<[f32; 2]> {
+    let all = || exposures.into_iter().flatten().flatten().copied();
+    all().reduce(f32::min).zip(all().reduce(f32::max)).map(|(least, most)| [least, most])
 }
 
 fn summed(seen: &Photographed<'_>, colors: &[[f32; 3]]) -> Vec<Sums> {
