@@ -1,10 +1,12 @@
 //! From a fit to the folder that a user keeps: meshes, turntable, report and figures.
 
+mod apart;
 mod comparison;
 mod metrics;
 mod refinement;
 mod report;
 
+pub use apart::apart_from;
 pub use comparison::compare;
 pub use metrics::Metrics;
 pub use refinement::Refinement;
