@@ -28,6 +28,7 @@ mod help;
 mod interrupt;
 mod job_array;
 mod masks;
+mod memory;
 mod mesh_file;
 mod model_card;
 mod object_list;

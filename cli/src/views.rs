@@ -21,8 +21,23 @@ pub(crate) fn read_views(
     let read = datasets::read_views(path, options, &|done, all| progress.set(done, all));
     read.map_err(|error| match error.problem {
         ViewsProblem::SeesNothing { .. } => explained(path, options, error),
+        ViewsProblem::Field { ref field, .. } if options.only.is_some() && field == "views" => {
+            named(path, options, error)
+        }
         _ => error.into(),
     })
+}
+
+/// What views there are, where one is not that a list names.
+fn named(path: &Path, options: &ReadOptions, error: ReadViewsError) -> Failure {
+    /// Names listed; more are not read.
+    const MOST: usize = 12;
+    let all = ReadOptions { only: None, allow_missing: true, ..options.clone() };
+    // What is wrong with all of them is no matter of the list.
+    let Ok(views) = datasets::read_views(path, &all, &|_, _| ()) else { return error.into() };
+    let names: Vec<&str> = views.views.iter().take(MOST).map(|view| view.name.as_str()).collect();
+    let more = if views.len() > MOST { ", .." } else { "" };
+    Failure::Input(format!("{error} (--only): there are {}{more}", names.join(", ")))
 }
 
 /// Why cameras do not see what the masks show, if the views tell.
