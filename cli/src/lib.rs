@@ -16,6 +16,7 @@
 //! ```
 
 mod args;
+mod began_with;
 mod checkpoint;
 mod child;
 mod colmap;
