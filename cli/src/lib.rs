@@ -18,6 +18,7 @@
 mod args;
 mod began_with;
 mod checkpoint;
+mod checkpoint_report;
 mod child;
 mod colmap;
 mod command;
