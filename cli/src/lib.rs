@@ -17,6 +17,7 @@
 
 mod args;
 mod began_with;
+mod by_category;
 mod checkpoint;
 mod checkpoint_report;
 mod child;
