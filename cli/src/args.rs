@@ -16,6 +16,7 @@ mod reproduce;
 mod settings;
 mod values;
 
+use std::any::TypeId;
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
@@ -34,7 +35,7 @@ pub(crate) use depth::DepthModelKind;
 pub(crate) use eval::Eval;
 pub(crate) use export::Export;
 pub(crate) use mask::{Mask, Masking};
-pub(crate) use output::{Output, Picture, refuse_existing};
+pub(crate) use output::{Output, Picture, create, refuse_existing};
 pub(crate) use predict::Predict;
 pub(crate) use reading::Reading;
 pub(crate) use reproduce::Reproduce;
@@ -118,7 +119,7 @@ pub(crate) enum Command {
     Convert(ConvertMesh),
     /// Compare two meshes by the published protocols.
     Metrics(Metrics),
-    /// Examine a mesh, views, or a configuration, before work is spent on them.
+    /// Examine a mesh, views, weights, or a configuration, before work is spent on them.
     Check(Check),
     /// Find the cameras of photographs with COLMAP, and what in them is the object: views to fit.
     Capture(Capture),
@@ -164,9 +165,10 @@ pub(crate) struct Demo {
   a BOP scene, or a dataset of many (--object)
 
 Every fifth view (4, 9, 14, ..) is kept out of the fit and scores the result, or those that the
-source keeps for tests (transforms_test.json, test_filenames); --set hold-out=none uses all. The folder gets mesh.glb, mesh.obj, mesh.ply, turntable.gif, report.html, metrics.json
+source keeps for tests (transforms_test.json, test_filenames); --set hold-out=none uses all. The folder, unsphere-fit unless
+-o names one, gets mesh.glb, mesh.obj, mesh.ply, turntable.gif, report.html, metrics.json
 and config.toml. The mesh is in the coordinates of the cameras; mesh.glb is turned so that up is +Y.
-Ctrl-C ends the fit early and writes what there is.
+Ctrl-C ends the fit early and writes what there is, as doubtful at best; a second one drops it.
 
 A verdict says how far the mesh can be trusted: good, doubtful or failed, each with its reasons. Failed
 is an error (exit code 1), with --strict doubtful too; the mesh is written all the same.
@@ -337,10 +339,12 @@ pub(crate) struct Metrics {
 #[derive(Args, Debug)]
 #[command(
     after_help = "A mesh passes when it is a closed solid: finite, closed, manifold, oriented, outward, and no face runs
-through another one. Otherwise the exit code is 1 and the failures are named.
+through another one. Otherwise the exit code is 1 and the failures are named. Of weights, and of a training's
+folder, it is said what they are of; those that are damaged are bad input.
 
 Examples:
   unsphere check mesh.ply
+  unsphere check runs/clock                        a training, or a .safetensors
   unsphere check --config fit.toml --set level=6
   unsphere check --config -                        all settings, by default
   unsphere check --system img2mesh --preset paper  what a system amounts to
@@ -349,7 +353,7 @@ Examples:
 )]
 #[command(arg_required_else_help = true)]
 pub(crate) struct Check {
-    /// A mesh: .obj, .ply, .glb, .off or .stl.
+    /// A mesh: .obj, .ply, .glb, .off or .stl; or weights: .safetensors, or a training's folder.
     pub(crate) mesh: Option<PathBuf>,
     /// Views: layout, sizes, masks, and whether the cameras see the object.
     #[arg(long, value_name = "VIEWS")]
@@ -386,6 +390,22 @@ pub(crate) struct Completions {
 pub(crate) struct Manual {
     #[command(flatten)]
     pub(crate) output: Output,
+}
+
+/// A command and those below it, whose options of numbers take one below 0 too: so that it is told which are allowed, and not that
+/// `-1` is no option.
+pub(crate) fn taking_negative_numbers(command: clap::Command) -> clap::Command {
+    let numbers =
+        [TypeId::of::<f64>(), TypeId::of::<u16>(), TypeId::of::<u32>(), TypeId::of::<u64>()];
+    let command = command.mut_args(|argument| {
+        let kind = argument.get_value_parser().type_id();
+        if numbers.iter().any(|number| kind == *number) && !argument.is_positional() {
+            argument.allow_negative_numbers(true)
+        } else {
+            argument
+        }
+    });
+    command.mut_subcommands(taking_negative_numbers)
 }
 
 #[cfg(test)]

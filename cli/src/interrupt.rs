@@ -1,12 +1,16 @@
 //! Ctrl-C: the first asks the work to finish what it has, the second ends it at once.
 
 use std::path::Path;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
 
 use train::progress::Cancel;
 
 use crate::failure::Failure;
+use crate::terminal::remark;
+
+/// What the first press is answered with where nobody says it better.
+const ANSWER: &str = "stopping: what is worth keeping is finished first; Ctrl-C again ends at once";
 
 /// Whether Ctrl-C was pressed, and whether there is anything yet that is worth finishing.
 #[derive(Clone, Debug, Default)]
@@ -16,6 +20,7 @@ pub(crate) struct Interrupt(Arc<State>);
 struct State {
     pressed: Cancel,
     worthwhile: AtomicBool,
+    answer: OnceLock<&'static str>,
 }
 
 impl Interrupt {
@@ -37,6 +42,8 @@ impl Interrupt {
                 }
                 std::process::exit(130);
             }
+            // At once: what is finished first may take a while.
+            remark(state.answer.get().unwrap_or(&ANSWER));
         })
         .map_err(|error| Failure::Other(format!("cannot listen for Ctrl-C: {error}")))?;
         Ok(interrupt)
@@ -45,6 +52,13 @@ impl Interrupt {
     /// From now on there is something to finish.
     pub(crate) fn worthwhile(&self) {
         self.0.worthwhile.store(true, Ordering::Relaxed);
+    }
+
+    /// From now on there is something to finish, and the first press is answered with what that is.
+    pub(crate) fn worthwhile_saying(&self, answer: &'static str) {
+        // The first answer stays.
+        let _ = self.0.answer.set(answer);
+        self.worthwhile();
     }
 
     /// As if Ctrl-C was pressed.

@@ -16,7 +16,10 @@
 //! ```
 
 mod args;
+mod began_with;
+mod by_category;
 mod checkpoint;
+mod checkpoint_report;
 mod child;
 mod colmap;
 mod command;
@@ -28,6 +31,7 @@ mod help;
 mod interrupt;
 mod job_array;
 mod masks;
+mod memory;
 mod mesh_file;
 mod model_card;
 mod object_list;

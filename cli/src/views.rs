@@ -3,8 +3,9 @@
 use std::path::Path;
 
 use datasets::{OnInconsistent, ReadOptions, ReadViewsError, Truth, Views, ViewsProblem};
-use mesh_core::UpAxis;
+use mesh_core::{UpAxis, counted};
 use models::predict::Predictor;
+use recon::delivery::apart_from;
 use recon::fit::MARGIN;
 use recon::inspect::inspect_views_with;
 use train::{Configuration, Source};
@@ -24,6 +25,9 @@ pub(crate) fn read_views(
     let read = datasets::read_views(path, options, &|done, all| progress.set(done, all));
     read.map_err(|error| match error.problem {
         ViewsProblem::SeesNothing { .. } => explained(path, options, error),
+        ViewsProblem::Field { ref field, .. } if options.only.is_some() && field == "views" => {
+            named(path, options, error)
+        }
         _ => error.into(),
     })
 }
@@ -33,19 +37,37 @@ pub(crate) fn around_the_object(reading: &Reading) -> ReadOptions {
     ReadOptions { margin: Some(1.2 * f64::from(MARGIN)), ..reading.options() }
 }
 
-/// Adds other views, which are kept for scores.
+/// Adds views that are kept for scores, but for those with cameras that are worked on.
 pub(crate) fn add_scored(
     console: Console,
     views: &mut Views,
-    others: &Path,
+    path: &Path,
     reading: &ReadOptions,
 ) -> Result<(), Failure> {
-    let first = views.len();
+    let fitted = views.len();
     // The list of names is of the views that are worked on.
-    let others = read_views(console, others, &ReadOptions { only: None, ..reading.clone() })?;
-    views.views.extend(others.views);
+    let others = read_views(console, path, &ReadOptions { only: None, ..reading.clone() })?;
+    let all = others.len();
+    let apart = apart_from(others.views, &views.views);
+    let path = path.display();
+    if apart.is_empty() {
+        let text = format!(
+            "{path}: the cameras of all its views are fitted: none is left to score on; without --score every fifth view \
+             is held out"
+        );
+        return Err(Failure::Input(text));
+    }
+    let known = all - apart.len();
+    views.views.extend(apart);
     views.warnings.extend(others.warnings);
-    views.test = (first..views.len()).collect();
+    if known > 0 {
+        let has = if known == 1 { "has a camera that is" } else { "have cameras that are" };
+        let of = counted(all, "view");
+        views
+            .warnings
+            .push(format!("{path}: {known} of {of} {has} fitted: left out of the scores"));
+    }
+    views.test = (fitted..views.len()).collect();
     Ok(())
 }
 
@@ -59,6 +81,18 @@ pub(crate) fn up_axis(console: Console, asked: UpOrAuto, views: &Views) -> UpAxi
         }
         found
     })
+}
+
+/// What views there are, where one is not that a list names.
+fn named(path: &Path, options: &ReadOptions, error: ReadViewsError) -> Failure {
+    /// Names listed; more are not read.
+    const MOST: usize = 12;
+    let all = ReadOptions { only: None, allow_missing: true, ..options.clone() };
+    // What is wrong with all of them is no matter of the list.
+    let Ok(views) = datasets::read_views(path, &all, &|_, _| ()) else { return error.into() };
+    let names: Vec<&str> = views.views.iter().take(MOST).map(|view| view.name.as_str()).collect();
+    let more = if views.len() > MOST { ", .." } else { "" };
+    Failure::Input(format!("{error} (--only): there are {}{more}", names.join(", ")))
 }
 
 /// Why cameras do not see what the masks show, if the views tell.

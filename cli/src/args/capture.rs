@@ -30,7 +30,7 @@ pub(crate) struct Capture {
     /// Folder for the views; made if it does not exist.
     #[arg(long, short, visible_alias = "out", value_name = "FOLDER", value_parser = folder())]
     pub(crate) output: PathBuf,
-    /// Write into a folder that exists already, replacing files of the same names.
+    /// Write into a folder that is there and not empty, replacing files of the same names.
     #[arg(long)]
     pub(crate) force: bool,
     #[command(flatten)]

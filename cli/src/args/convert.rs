@@ -42,7 +42,7 @@ pub(crate) struct ConvertMesh {
     pub(crate) scale: Option<f64>,
     /// How high it becomes along what is up: 80mm, 8cm, 0.08m or 3in. GLB's unit is the metre, the others' are
     /// millimetres then.
-    #[arg(long, value_name = "LENGTH", value_parser = millimetres)]
+    #[arg(long, value_name = "LENGTH", allow_hyphen_values = true, value_parser = millimetres)]
     pub(crate) height: Option<f64>,
     /// Which axis is up in the file to write [default: z in .3mf and .stl, else y].
     #[arg(long, value_name = "AXIS", allow_hyphen_values = true)]

@@ -14,7 +14,7 @@ pub(crate) struct Output {
     /// Folder for the results; made if it does not exist.
     #[arg(long = "output", short = 'o', value_name = "FOLDER", value_parser = folder())]
     pub(crate) folder: Option<PathBuf>,
-    /// Write into a folder that exists already, replacing files of the same names.
+    /// Write into a folder that is there and not empty, replacing files of the same names.
     #[arg(long)]
     pub(crate) force: bool,
 }
@@ -22,11 +22,14 @@ pub(crate) struct Output {
 impl Output {
     /// Prepares the folder, `default` where none is named. Refusals come before the work.
     pub(crate) fn create(&self, default: &str) -> Result<OutputFolder, OutputError> {
-        OutputFolder::create(
-            self.folder.as_deref().unwrap_or_else(|| Path::new(default)),
-            self.force,
-        )
+        create(self.folder.as_deref().unwrap_or_else(|| Path::new(default)), self.force)
     }
+}
+
+/// Prepares a folder for results. One that is there and empty is as good as none.
+pub(crate) fn create(folder: &Path, force: bool) -> Result<OutputFolder, OutputError> {
+    let is_empty = std::fs::read_dir(folder).is_ok_and(|mut inside| inside.next().is_none());
+    OutputFolder::create(folder, force || is_empty)
 }
 
 /// Refuses to replace a file that is there, unless that is asked for.

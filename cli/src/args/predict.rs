@@ -12,8 +12,11 @@ use super::reading::Reading;
     after_help = "VIEWS is whatever `unsphere fit` reads: images with masks and cameras, of any size and number. A
 view whose file is missing is left out with a warning. Views that are not given judge the mesh.
 
-The folder gets mesh.glb, mesh.obj, mesh.ply, turntable.gif, report.html and metrics.json; where
-the mesh was refined, one-pass.glb too, as the network made it, and its scores beside the others.
+The folder, unsphere-predict unless -o names one, gets mesh.glb, mesh.obj, mesh.ply, turntable.gif,
+report.html and metrics.json; where the mesh was refined, one-pass.glb too, as the network made it, and
+its scores beside the others. Of mcmr, whose meshes have textures, mesh.obj comes with mesh.mtl and
+mesh.png; of pixel2mesh, ode-pixel2mesh, depth-pixel2mesh and mesh-rcnn there are deformation.gif and
+sequence/, the mesh on its way as 00.ply, 01.ply and so on.
 The mesh is in the coordinates of the cameras, which must be those of the training: a model knows
 objects of the size and place that it has seen. Without --checkpoint it is SYSTEM.safetensors, as
 `unsphere export` writes it, in the first of these folders that has it: weights beside the program,
@@ -47,7 +50,8 @@ pub(crate) struct Predict {
     pub(crate) last: bool,
     #[command(flatten)]
     pub(crate) output: Output,
-    /// Names or numbers of the views that are given; without it, all.
+    /// Names of the views that are given, whole or by their last part, or their numbers, which where names have none count from 0;
+    /// without it, all.
     #[arg(long = "views", value_name = "NAME,..", value_delimiter = ',', conflicts_with = "first")]
     pub(crate) given: Vec<String>,
     /// How many views are given, from the first on.

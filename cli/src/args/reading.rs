@@ -60,7 +60,7 @@ pub(crate) struct Reading {
     ///
     /// What counts is what is kept: for `fit` the part of each image around the object. While an image is read all of it is
     /// there beside, one for each thread.
-    #[arg(long, value_name = "SIZE", value_parser = memory)]
+    #[arg(long, value_name = "SIZE", allow_hyphen_values = true, value_parser = memory)]
     pub(crate) max_memory: Option<u64>,
     /// Leave out views whose files are missing or that have no mask, instead of refusing them all.
     #[arg(long)]

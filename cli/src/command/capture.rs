@@ -11,7 +11,7 @@ use serde::Serialize;
 use train::output::{OutputFolder, disk};
 use train::report::counted;
 
-use crate::args::{Capture, Global};
+use crate::args::{Capture, Global, create};
 use crate::colmap::{Asked, Colmap};
 use crate::command::data::mask::photographs;
 use crate::console::Console;
@@ -53,12 +53,12 @@ pub(crate) fn run(console: Console, global: Global, arguments: &Capture) -> Resu
             counted(found, "photograph")
         )));
     }
-    let folder = OutputFolder::create(&arguments.output, arguments.force)?;
+    let folder = create(&arguments.output, arguments.force)?;
     let interrupt = Interrupt::listen(Some(folder.unfinished()))?;
     let work = folder.path().join("work");
     let upright = upright(console, arguments, &paths, &work)?;
     // From now on there is a child to be stopped first.
-    interrupt.worthwhile();
+    interrupt.worthwhile_saying("stopping: COLMAP is ended, and nothing is written");
     let progress = Progress::new(console, "colmap");
     let asked = Asked {
         lens: arguments.lens.name(),

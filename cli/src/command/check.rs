@@ -1,4 +1,4 @@
-//! `unsphere check`: looks at meshes, views and configurations before work is spent on them.
+//! `unsphere check`: looks at meshes, views, weights and configurations before work is spent on them.
 
 use std::path::Path;
 
@@ -7,9 +7,10 @@ use models::predict::Predictor;
 use recon::fit::FitConfig;
 use serde::Serialize;
 use train::report::counted;
-use train::{Summary, settings};
+use train::{Checkpoint, CheckpointPath, Summary, settings};
 
 use crate::args::{Check, Global, SystemSettings};
+use crate::checkpoint_report::CheckpointReport;
 use crate::command::fit;
 use crate::configuration::configuration;
 use crate::console::{Console, table};
@@ -29,6 +30,8 @@ const CROWDED: usize = 20_000;
 struct Checked<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     mesh: Option<MeshReport<'a>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    checkpoint: Option<CheckpointReport>,
     #[serde(skip_serializing_if = "Option::is_none")]
     views: Option<ViewsReport<'a>>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -114,7 +117,9 @@ pub(crate) fn run(
         asked.config = asked.config.filter(|path| path.as_os_str() != "-");
         checked.config = Some(fit::configuration(&asked, global)?);
     }
-    if let Some(path) = &arguments.mesh {
+    if let Some(path) = arguments.mesh.as_ref().filter(|path| holds_weights(path)) {
+        checked.checkpoint = Some(check_weights(path, systems)?);
+    } else if let Some(path) = &arguments.mesh {
         let mesh = read_mesh(console, path)?;
         checked.mesh = Some(check_mesh(console, path, &mesh));
     }
@@ -127,6 +132,22 @@ pub(crate) fn run(
         return Err(Failure::Other(text));
     }
     Ok(())
+}
+
+/// Whether a path is that of weights or of a training.
+fn holds_weights(path: &Path) -> bool {
+    let is_run = || path.is_dir() && CheckpointPath::find(path, false).is_ok();
+    path.extension().is_some_and(|ending| ending == "safetensors") || is_run()
+}
+
+fn check_weights(path: &Path, systems: &Systems) -> Result<CheckpointReport, Failure> {
+    let found = CheckpointPath::find(path, false).map_err(Failure::input)?;
+    let checkpoint = Checkpoint::read(&found.file).map_err(Failure::input)?;
+    let name = checkpoint.system().map_err(Failure::input)?;
+    match systems.find(name) {
+        Some(system) => (system.checkpoint)(&checkpoint, &found),
+        None => Err(Failure::input(checkpoint.wrong("system", name, &systems.names()))),
+    }
 }
 
 fn check_mesh<'a>(console: Console, path: &'a Path, mesh: &TriMesh) -> MeshReport<'a> {
@@ -200,6 +221,7 @@ fn describe(checked: &Checked<'_>) -> String {
         parts.push(format!("{}: {verdict}\n{}", mesh.path.display(), table(rows)));
         parts.extend(mesh.problems.iter().map(|problem| format!("  problem: {problem}\n")));
     }
+    parts.extend(checked.checkpoint.as_ref().map(CheckpointReport::text));
     if let Some(views) = &checked.views {
         let range = |[low, high]: [usize; 2]| {
             if low == high { low.to_string() } else { format!("{low} to {high}") }

@@ -9,6 +9,7 @@ use serde::Serialize;
 use train::{Checkpoint, DataSummary, RunMetadata, Subset};
 
 use crate::args::{Eval, Global};
+use crate::by_category::ByCategory;
 use crate::checkpoint::{checkpoint_path, configuration};
 use crate::console::{Console, table};
 use crate::failure::Failure;
@@ -33,6 +34,12 @@ struct Evaluated<'a> {
     subsets: Option<DataSummary>,
     seconds: f64,
     metrics: BTreeMap<String, f64>,
+    /// None where objects have no categories.
+    #[serde(flatten)]
+    categories: Option<ByCategory>,
+    /// The names of the scores in the order of the system.
+    #[serde(skip)]
+    order: Vec<String>,
 }
 
 pub(crate) fn run<S: Predictor>(
@@ -74,6 +81,8 @@ pub(crate) fn run<S: Predictor>(
     let progress = Progress::new(console, "eval");
     let metrics = system.evaluate(&opened, arguments.split).map_err(Failure::input)?;
     progress.finish();
+    let categories = ByCategory::of(&metrics);
+    let order = metrics.iter().map(|metric| metric.name.clone()).collect();
     let evaluated = Evaluated {
         system: S::NAME,
         checkpoint: &found.file,
@@ -84,6 +93,8 @@ pub(crate) fn run<S: Predictor>(
         subsets,
         seconds: start.elapsed().as_secs_f64(),
         metrics: metrics.into_iter().map(|m| (m.name, m.value)).collect(),
+        categories,
+        order,
     };
     console.result(&evaluated, describe)
 }
@@ -96,14 +107,19 @@ fn describe(evaluated: &Evaluated<'_>) -> String {
     let scores = evaluated.metrics.iter().map(|(name, value)| (&**name, format!("{value:.4}")));
     let scored = match &evaluated.subsets {
         Some(there) => {
-            format!("{}, {} {}", evaluated.split, there.size(evaluated.split), there.unit)
+            let size = there.size(evaluated.split);
+            let unit = if size == 1 { there.unit.trim_end_matches('s') } else { there.unit };
+            format!("{}, {size} {unit}", evaluated.split)
         }
         None => evaluated.split.to_string(),
     };
     let parts = evaluated.subsets.as_ref().map(|there| ("parts", there.to_string()));
-    table(scores.chain([("scored", scored)]).chain(parts).chain([
+    let order: Vec<&str> = evaluated.order.iter().map(String::as_str).collect();
+    let categories = evaluated.categories.as_ref().map(|found| found.text(&order));
+    let rows = table(scores.chain([("scored", scored)]).chain(parts).chain([
         ("checkpoint", format!("{}, step {}", evaluated.checkpoint.display(), evaluated.steps)),
         ("data", data),
         ("time", format!("{:.1} s", evaluated.seconds)),
-    ]))
+    ]));
+    rows + &categories.unwrap_or_default()
 }

@@ -11,10 +11,11 @@ use train::report::counted;
 use train::{Checkpoint, CheckpointPath, Configuration, RunFolder, RunMetadata, Subset};
 
 use crate::args::{Export, Global, refuse_existing};
+use crate::began_with::began_with;
 use crate::checkpoint::{checkpoint_path, configuration};
 use crate::console::{Console, table};
 use crate::failure::Failure;
-use crate::model_card::ModelCard;
+use crate::model_card::{ModelCard, fact, in_words};
 use crate::progress::Progress;
 use crate::views::open;
 
@@ -100,6 +101,7 @@ fn weights<S: Predictor>(
     let noted = found.run.as_deref().map(RunMetadata::of).unwrap_or_default();
     let data = arguments.data.clone().or_else(|| noted.data.clone());
     let opened = open::<S>(console, config, data.as_deref(), &arguments.reading.options())?;
+    let is_same = is_what_was_trained_on::<S>(console, arguments, &noted, &opened);
     // What is scored is what is written: half precision rounds.
     let bytes = checkpoint.weights("");
     let rounded = Checkpoint::from_bytes(output, &bytes).map_err(Failure::input)?;
@@ -121,9 +123,12 @@ fn weights<S: Predictor>(
         about: S::ABOUT,
         parameters: summary.trainable + summary.frozen,
         steps: checkpoint.step().map_err(Failure::input)?,
+        began_with: noted.command.as_deref().and_then(began_with),
         seed: config.train.seed,
         seconds,
-        data,
+        trained_on: trained_on(found, &noted, checkpoint, config.train.seed),
+        data: noted.data.clone(),
+        scored_on: arguments.data.clone().filter(|_| !is_same),
         subsets: S::data_summary(&opened),
         command: None,
         commit: None,
@@ -133,13 +138,13 @@ fn weights<S: Predictor>(
     .noted(noted);
     let text = card.to_string();
     // What is scored on a user's request need not be what was trained on.
-    let familiarity = if arguments.data.is_some() {
-        Familiarity::of(checkpoint).map_err(Failure::input)?
-    } else {
+    let familiarity = if is_same {
         let progress = Progress::new(console, "look at what it was trained on");
         let learned = Familiarity::of_data(&system, &opened).map_err(Failure::input)?;
         progress.finish();
         learned
+    } else {
+        Familiarity::of(checkpoint).map_err(Failure::input)?
     };
     let bytes = match familiarity {
         Some(familiarity) => checkpoint.weights_beside(&text, &familiarity.to_state()),
@@ -147,6 +152,47 @@ fn weights<S: Predictor>(
     };
     write(output, &bytes)?;
     Ok((card, bytes.len()))
+}
+
+/// Whether what is scored is what the run was trained on; says so where it was to be, and is not.
+fn is_what_was_trained_on<S: Predictor>(
+    console: Console,
+    arguments: &Export,
+    noted: &RunMetadata,
+    opened: &S::Data,
+) -> bool {
+    let now = format!("{:016x}", S::fingerprint(opened));
+    let is_same = noted.data_hash.as_ref().map(|hash| *hash == now);
+    match (&arguments.data, &noted.data, is_same) {
+        (Some(_), _, is_same) => is_same.unwrap_or(false),
+        (None, Some(path), Some(false)) => {
+            console.warn(format_args!(
+                "{} gives other data than the run was trained on: has it changed, or was it read with other options? The \
+                 scores are of what is there now",
+                path.display()
+            ));
+            true
+        }
+        (None, ..) => true,
+    }
+}
+
+/// What was trained on, in words: as the run notes it, or as weights that were given away say.
+fn trained_on(
+    found: &CheckpointPath,
+    noted: &RunMetadata,
+    checkpoint: &Checkpoint<'_>,
+    seed: u64,
+) -> String {
+    let said = checkpoint.card().and_then(|card| fact(card, "trained on"));
+    match (said, &found.run, &noted.command) {
+        (Some(said), ..) => said.to_owned(),
+        // Its folder is not there, or has lost what it noted.
+        (None, None, _) | (None, Some(_), None) => {
+            "not known: nothing beside the checkpoint says it".to_owned()
+        }
+        (None, Some(_), Some(_)) => in_words(noted.data.as_deref(), seed),
+    }
 }
 
 /// Whole or not at all.

@@ -24,6 +24,7 @@ use crate::command::metrics::describe as describe_comparison;
 use crate::console::{Console, table};
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
+use crate::memory;
 use crate::progress::Progress;
 use crate::provenance::{facts, typed_command};
 use crate::truth::{Truth, is_fixed};
@@ -34,12 +35,18 @@ use crate::views::{
 /// Where the results go when nothing is said.
 pub(crate) const FOLDER: &str = "unsphere-fit";
 
+/// The answer to Ctrl-C.
+const STOPPING: &str = "stopping: colours and writes what there is; Ctrl-C again drops it";
+
 /// What is printed with `--json`: `metrics.json`, and where and how fast it was made.
 #[derive(Debug, Serialize)]
 struct Outcome<'a> {
     #[serde(serialize_with = "train::path_text::serialize")]
     output: &'a Path,
     seconds: f64,
+    /// Bytes; none where the system does not tell.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    peak_memory: Option<u64>,
     metrics: &'a Metrics,
 }
 
@@ -139,11 +146,12 @@ pub(crate) fn configuration(
 impl Job<'_> {
     /// Fits, scores, writes and prints. Ctrl-C ends the fit early; what there is is written.
     pub(crate) fn run(self, console: Console) -> Result<(), Failure> {
-        self.interrupt.worthwhile();
+        self.interrupt.worthwhile_saying(STOPPING);
         let strict = self.strict;
         let Finished { output, seconds, metrics, fitted, views, finer } =
             self.finish(console, false)?;
-        let outcome = Outcome { output: &output, seconds, metrics: &metrics };
+        let peak_memory = memory::peak();
+        let outcome = Outcome { output: &output, seconds, peak_memory, metrics: &metrics };
         console.result(&outcome, |outcome| describe(outcome, [fitted, views]))?;
         if metrics.interrupted {
             let text = format!("the mesh in {} is what there was by then", output.display());
@@ -164,19 +172,8 @@ impl Job<'_> {
         if whole && fitted.ended.is_cancelled() {
             return Err(Failure::Interrupted("it was not finished".to_owned()));
         }
-        if let Some(refined) = &fitted.cameras {
-            console.remark(format_args!("{}", refined_words(refined)));
-        }
-        if let Some([least, most]) = fitted.exposure_range() {
-            console.remark(format_args!(
-                "photographs differ in exposure or white balance, {least:.2} to {most:.2} times the mean: the mesh's colours are \
-                 those of the mean, and scores of images compare it with each photograph as it is (--set balance-colors=false \
-                 mixes them as they are)"
-            ));
-        }
-        if let Some(text) = fitted.photo_consistency.map(photo_consistency_words) {
-            console.remark(text);
-        }
+        tell(console, &fitted);
+        let progress = Progress::new(console.unlogged(), "judge");
         let assessment = assess(&self.views, &fitted).map_err(Failure::other)?;
         // Something may be wrong with the input, and then it is looked at whole.
         if assessment.verdict.grade != Grade::Good && !assessment.evidence.is_coherent() {
@@ -193,6 +190,7 @@ impl Job<'_> {
             fitted.warnings.push(doubt);
         }
         let finer = self.finer(&fitted);
+        progress.finish();
         if !fitted.held_out_views.is_empty() {
             // Only these are looked at again; the images of the others make room.
             for &i in &fitted.train_views {
@@ -281,8 +279,14 @@ impl Job<'_> {
             FitError::Config(_) => Failure::Usage(error.to_string()),
             FitError::NotFinite { .. } => Failure::other(error),
             error => {
-                let mut reasons = vec![error.to_string()];
                 let source = self.views.source.display();
+                let mut reasons = vec![match error {
+                    // None was held out, and none is to be.
+                    FitError::TooFewViews { remaining, views, .. } if remaining == views => {
+                        format!("found {}, expected at least 2", counted(views, "view"))
+                    }
+                    _ => error.to_string(),
+                }];
                 match error {
                     FitError::Placement { .. } => {
                         reasons.extend(diagnosis(&self.views, self.reading));
@@ -295,6 +299,23 @@ impl Job<'_> {
                 Failure::Input(format!("{source}: {}", reasons.join("; ")))
             }
         })
+    }
+}
+
+/// What was done beside moving the mesh.
+fn tell(console: Console, fitted: &Fitted) {
+    if let Some(refined) = &fitted.cameras {
+        console.remark(format_args!("{}", refined_words(refined)));
+    }
+    if let Some([least, most]) = fitted.exposure_range() {
+        console.remark(format_args!(
+            "photographs differ in exposure or white balance, {least:.2} to {most:.2} times the mean: the mesh's colours are \
+             those of the mean, and scores of images compare it with each photograph as it is (--set balance-colors=false \
+             mixes them as they are)"
+        ));
+    }
+    if let Some(text) = fitted.photo_consistency.map(photo_consistency_words) {
+        console.remark(text);
     }
 }
 
@@ -364,8 +385,8 @@ fn describe(outcome: &Outcome<'_>, [fitted, views]: [usize; 2]) -> String {
         rows.push(("", text));
     }
     rows.push(("mesh", mesh));
-    let steps = counted(metrics.steps, "step");
-    rows.push(("time", format!("{:.1} s, {steps}", outcome.seconds)));
+    let (steps, memory) = (counted(metrics.steps, "step"), memory::said(outcome.peak_memory));
+    rows.push(("time", format!("{:.1} s, {steps}{memory}", outcome.seconds)));
     rows.push(("output", outcome.output.display().to_string()));
     let (was, count) = (if count == 1 { "was" } else { "were" }, counted(count, "view"));
     let scored = if metrics.scored_on == "fitted" { "fitted" } else { "held out" };

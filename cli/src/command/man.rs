@@ -46,5 +46,40 @@ fn collect(command: clap::Command, pages: &mut Vec<Man>) {
     for below in command.get_subcommands().filter(|below| !below.is_hide_set()) {
         collect(below.clone(), pages);
     }
-    pages.push(Man::new(command));
+    let usage = usage(&command);
+    let source = concat!("unsphere ", env!("CARGO_PKG_VERSION"));
+    pages.push(Man::new(command.override_usage(usage)).source(source).manual("Unsphere's manual"));
+}
+
+/// How a command is called, its options with their values; what is left to choose stands in brackets.
+fn usage(command: &clap::Command) -> String {
+    let name = command.get_bin_name().unwrap_or_else(|| command.get_name());
+    let shown = || command.get_arguments().filter(|argument| !argument.is_hide_set());
+    let options = shown().filter(|argument| !argument.is_positional());
+    let words = options.chain(command.get_positionals().filter(|one| !one.is_hide_set()));
+    let mut text = name.to_owned();
+    for argument in words {
+        let word = word(argument);
+        let word = if argument.is_required_set() { word } else { format!("[{word}]") };
+        text = text + " " + &word;
+    }
+    if command.has_subcommands() {
+        text += " COMMAND";
+    }
+    text
+}
+
+/// An option, by both of its names and with its value, or the name of what stands without one.
+fn word(argument: &clap::Arg) -> String {
+    let value = argument
+        .get_value_names()
+        .map_or_else(|| argument.get_id().as_str().to_uppercase(), |names| names.join(" "));
+    let short = argument.get_short().map(|short| format!("-{short}"));
+    let long = argument.get_long().map(|long| format!("--{long}"));
+    let names: Vec<String> = short.into_iter().chain(long).collect();
+    match (names.is_empty(), argument.get_action().takes_values()) {
+        (true, _) => value,
+        (false, true) => format!("{} {value}", names.join("|")),
+        (false, false) => names.join("|"),
+    }
 }

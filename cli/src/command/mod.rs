@@ -18,6 +18,8 @@ mod render;
 mod reproduce;
 pub(crate) mod train;
 
+use std::sync::atomic::Ordering;
+
 use ::train::Communicator;
 
 use crate::args::{Arguments, Command, Global};
@@ -26,6 +28,7 @@ use crate::event_log::EventLog;
 use crate::failure::Failure;
 use crate::processes::{Processes, together};
 use crate::system::Systems;
+use crate::terminal::QUIET;
 
 /// Does what the command line asks, with one pool of threads around all of it.
 pub(crate) fn run(
@@ -39,6 +42,7 @@ pub(crate) fn run(
     let log = logging.log_json.as_deref().filter(|_| first).map(EventLog::open).transpose();
     let log = together(communicator, log)?;
     let console = Console { json: global.json, quiet: global.quiet || !first, log };
+    QUIET.store(console.quiet, Ordering::Relaxed);
     let done = perform(console, global, command, systems, communicator);
     match log {
         None => done,

@@ -1,6 +1,7 @@
 //! `unsphere predict`: views in, a mesh by a trained system out.
 
 use std::path::Path;
+use std::time::Instant;
 
 use models::predict::{
     Choice, Delivery, Familiarity, Metrics, Predictor, Request, deliver, milliseconds, refined,
@@ -16,6 +17,7 @@ use crate::command::fit::score_rows;
 use crate::console::{Console, table};
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
+use crate::memory;
 use crate::progress::Progress;
 use crate::provenance::{facts, typed_command};
 use crate::weights;
@@ -31,10 +33,16 @@ const TIMED: usize = 5;
 struct Outcome<'a> {
     #[serde(serialize_with = "train::path_text::serialize")]
     output: &'a Path,
+    /// Of the whole command.
+    seconds: f64,
+    /// Bytes; none where the system does not tell.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    peak_memory: Option<u64>,
     metrics: &'a Metrics,
 }
 
 pub(crate) fn run<S: Predictor>(console: Console, arguments: &Predict) -> Result<(), Failure> {
+    let start = Instant::now();
     let found = match &arguments.checkpoint {
         Some(path) => checkpoint_path::<S>(path, arguments.last)?,
         None => weights::shipped::<S>(arguments.weights_dir.as_deref())?,
@@ -83,7 +91,8 @@ pub(crate) fn run<S: Predictor>(console: Console, arguments: &Predict) -> Result
     progress.finish();
     let said = input.warnings.len();
     metrics.warnings.iter().skip(said).for_each(|warning| console.warn(warning));
-    console.result(&Outcome { output: &output, metrics: &metrics }, describe)
+    let (seconds, peak_memory) = (start.elapsed().as_secs_f64(), memory::peak());
+    console.result(&Outcome { output: &output, seconds, peak_memory, metrics: &metrics }, describe)
 }
 
 fn intrinsics(numbers: &[f64]) -> Result<Option<[f64; 4]>, Failure> {
@@ -133,6 +142,8 @@ fn describe(outcome: &Outcome<'_>) -> String {
     rows.extend(metrics.familiarity.map(|known| ("does it know?", known.to_string())));
     rows.push(("checkpoint", format!("{}, step {}", metrics.checkpoint, metrics.steps)));
     rows.extend(metrics.milliseconds.map(|time| ("prediction", format!("{time:.1} ms"))));
+    let memory = memory::said(outcome.peak_memory);
+    rows.push(("time", format!("{:.1} s{memory}", outcome.seconds)));
     rows.push(("output", outcome.output.display().to_string()));
     let rows = table(rows);
     let count = scores.views.len();

@@ -199,7 +199,9 @@ fn list(console: Console) -> Result<(), Failure> {
 /// Whatever is finished is kept, from the first job on.
 fn listen() -> Result<Interrupt, Failure> {
     let interrupt = Interrupt::listen(None)?;
-    interrupt.worthwhile();
+    interrupt.worthwhile_saying(
+        "stopping: what is finished is kept, and the job that goes on ends first; Ctrl-C again ends at once",
+    );
     Ok(interrupt)
 }
 

@@ -10,7 +10,7 @@ use train::progress::{Communication, Event, Step};
 use train::report::counted;
 use train::{
     CHANGEABLE, Checkpoint, CheckpointError, Communicator, Configuration, Job, Outcome, RunError,
-    RunFolder, RunMetadata, Subset, System, TrainError, settings, train_among,
+    RunFolder, RunMetadata, Subset, System, TrainConfig, TrainError, settings, train_among,
 };
 
 use crate::args::{Global, Train};
@@ -19,6 +19,7 @@ use crate::configuration::configuration;
 use crate::console::{Console, table};
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
+use crate::memory;
 use crate::processes::together;
 use crate::progress::{Progress, spoken};
 use crate::provenance::provenance;
@@ -26,6 +27,9 @@ use crate::views::open;
 
 /// Steps and time after which the pace of a training is worth telling.
 const PACE_KNOWN: (u64, Duration) = (3, Duration::from_secs(4));
+
+/// The answer to Ctrl-C.
+const STOPPING: &str = "stopping: after this step, or the scoring that goes on, a checkpoint is written; Ctrl-C again ends at once";
 
 /// What is printed with `--json`.
 #[derive(Debug, Serialize)]
@@ -36,6 +40,9 @@ struct Trained<'a> {
     steps: u64,
     interrupted: bool,
     seconds: f64,
+    /// Bytes, of this process; none where the system does not tell.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    peak_memory: Option<u64>,
     /// The last scores of validation.
     metrics: BTreeMap<String, f64>,
     best: Option<Best>,
@@ -98,7 +105,7 @@ impl Command<'_> {
             None => Ok(RunFolder::at(self.place())),
         };
         let run = together(communicator, run)?;
-        interrupt.worthwhile();
+        interrupt.worthwhile_saying(STOPPING);
         let provenance = provenance(data.as_deref());
         let resume = arguments.resume.is_some();
         let from = from.as_ref().map(|from| &*from.file);
@@ -124,6 +131,7 @@ impl Command<'_> {
             steps: outcome.steps,
             interrupted: outcome.ended.is_cancelled(),
             seconds: start.elapsed().as_secs_f64(),
+            peak_memory: memory::peak(),
             metrics: outcome.metrics.iter().map(|m| (m.name.clone(), m.value)).collect(),
             best: outcome.best.map(|(value, step)| Best { value, step }),
             processes: communicator.size(),
@@ -225,6 +233,10 @@ impl Command<'_> {
                 let [trainable, steps_per_epoch] =
                     ["trainable", "steps_per_epoch"].map(|name| facts.get(name).unwrap_or(0.0));
                 progress.set(*done as usize, *total as usize);
+                if let Some(text) = over(*done, *total, &job.config.train) {
+                    shown.warn(text);
+                    return;
+                }
                 let from = if *done > 0 { format!(", from step {done} on") } else { String::new() };
                 shown.remark(format_args!(
                     "training {}, {called}: {trainable} numbers, {} of {}, \
@@ -275,6 +287,23 @@ impl Command<'_> {
         })?;
         Ok((outcome, cost.mean()))
     }
+}
+
+/// What there is to say of a training that goes on and has nothing to do.
+fn over(done: u64, total: u64, train: &TrainConfig) -> Option<String> {
+    if done < total || done == 0 {
+        return None;
+    }
+    let steps = counted(done as usize, "step");
+    let most = train.max_steps.map_or_else(String::new, |most| format!(" and max-steps = {most}"));
+    let place = if done > total {
+        format!("beyond the {total} that epochs = {}{most} ask for", train.epochs)
+    } else {
+        format!("the last that epochs = {}{most} ask for", train.epochs)
+    };
+    Some(format!(
+        "nothing is trained: the run has taken {steps} already, {place}; --set epochs=N, or --set max-steps=N, lets it go on"
+    ))
 }
 
 /// What communication cost so far.
@@ -363,11 +392,14 @@ fn failed(error: RunError) -> Failure {
 fn describe(trained: &Trained<'_>) -> String {
     let scores = trained.metrics.iter().map(|(name, value)| (&**name, format!("{value:.4}")));
     let mut rows: Vec<(&str, String)> = scores.collect();
-    rows.push(("scored", Subset::Validation.to_string()));
+    let unscored = trained.metrics.is_empty();
+    let scored = if unscored { "not yet".to_owned() } else { Subset::Validation.to_string() };
+    rows.push(("scored", scored));
     if let Some(best) = trained.best {
         rows.push(("best", format!("{:.4} at step {}", best.value, best.step)));
     }
-    rows.push(("steps", format!("{} in {:.1} s", trained.steps, trained.seconds)));
+    let memory = memory::said(trained.peak_memory);
+    rows.push(("steps", format!("{} in {:.1} s{memory}", trained.steps, trained.seconds)));
     if let Some(Communication { bytes, seconds, waiting }) = trained.communication {
         let (megabytes, exchanged) = (bytes as f64 / 1e6, 1e3 * seconds);
         let (processes, waited) = (trained.processes, 1e3 * waiting);

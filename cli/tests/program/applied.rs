@@ -143,9 +143,14 @@ fn one_view_or_eight_make_a_mesh() {
     // All are given; others judge it where they are named.
     let all = predict("all", ["views", "-c", "run"]).ok().json()["metrics"].clone();
     assert_eq!((count(&all["given"]), &all["held_out"]), (Some(10), &Value::Null));
-    let arguments = ["views", "-c", "run", "--score", "views", "--last", "-q"];
+    predict("none", ["views", "-c", "run", "--score", "views"])
+        .fails(3, &["views: the cameras of all its views are given"]);
+    let arguments = ["views", "-c", "run", "--score", "views", "--last", "--first", "2"];
     let scored = predict("scored", arguments).ok();
-    assert_eq!(count(&scored.json()["metrics"]["held_out"]), Some(10));
+    assert!(scored.stderr().contains("2 of 10 views have cameras that are given: left out"));
+    // Those that judge already do not count twice.
+    assert_eq!(count(&scored.json()["metrics"]["held_out"]), Some(8));
+    assert!(scored.json()["seconds"].as_f64().unwrap() > 0.0);
     predict("all", ["views", "-c", "run"]).fails(1, &["all", "--force"]);
 }
 
@@ -228,6 +233,81 @@ fn a_missing_view_is_left_out() {
         .fails(3, &["no view 33", "0, 1, 2"]);
     predict("no-mesh", ["none", "-c", "run"]).fails(3, &["none"]);
     assert!(!place().join("no-mesh").exists());
+}
+
+/// By the last part of a name, or by number, as the help has it; one that is named twice is said.
+#[test]
+fn views_are_named_by_base_or_number() {
+    datasets::write_transforms(&clock(4, 40, 40), &place().join("transforms")).unwrap();
+    let given = |out: &str, names: &str| {
+        let run = predict(out, ["transforms", "-c", "run", "--refine", "0", "--views", names]).ok();
+        let given = run.json()["metrics"]["given"]["views"].clone();
+        let names = given.as_array().unwrap().iter().map(|view| view["name"].clone()).collect();
+        (names, run.stderr())
+    };
+    let (base, _): (Vec<Value>, _) = given("by-base", "0003,0001");
+    let (number, said) = given("by-number", "3,1,3");
+    assert_eq!((base.len(), &base), (2, &number));
+    assert!(said.contains("was asked for twice"), "{said}");
+    predict("x", ["transforms", "-c", "run", "--views", "4"]).fails(3, &["no view 4", "0000"]);
+}
+
+/// One figure for each system: what a page says of its training the program says too.
+#[test]
+fn pages_and_program_agree_on_how_long_a_training_takes() {
+    let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs");
+    for (system, page) in [("img2mesh", "img2mesh"), ("mcmr", "mcmr"), ("mesh-rcnn", "depth")] {
+        let none = run(&["predict", system, "views", "--weights-dir", "views"]);
+        let text = none.fails(2, &["minutes of one core"]).stderr();
+        let before = text.split(" minutes of one core").next().unwrap();
+        let figure = before.rsplit(' ').next().unwrap();
+        let page = std::fs::read_to_string(docs.join(format!("{page}.md"))).unwrap();
+        let figure = format!("{figure} minutes of one core");
+        assert!(page.contains(&figure), "{system}: {figure}");
+    }
+}
+
+/// A checkpoint and weights that were given away are described, and a damaged file is an error.
+#[test]
+fn weights_are_checked() {
+    let of_run = run(&["check", "run", "--json"]).ok().json()["checkpoint"].clone();
+    assert_eq!((&of_run["system"], &of_run["trained_on"]), (&"img2mesh".into(), &"views".into()));
+    assert_eq!((&of_run["format"], &of_run["config"]["level"]), (&"2".into(), &1.into()));
+    assert!(of_run["trainable"].as_u64().unwrap() > 1000 && of_run["best"].is_string());
+    let last = "run/checkpoints/last.safetensors";
+    let text = run(&["check", last]).ok().stdout();
+    for part in [last, "img2mesh: ", "format 2", "level = 1", "unsphere train img2mesh views"] {
+        assert!(text.contains(part), "{part}: {text}");
+    }
+    run(&["export", "img2mesh", "-c", "run", "-o", "checked/w.safetensors"]).ok();
+    let given = run(&["check", "checked/w.safetensors", "--json"]).ok().json();
+    let given = &given["checkpoint"];
+    assert_eq!(given["trained_on"], "views");
+    assert!(given["scores"]["validation"]["mask-iou"].as_f64().unwrap() > 0.0, "{given}");
+    let mut bytes = std::fs::read(place().join("checked/w.safetensors")).unwrap();
+    let end = bytes.len() - 3;
+    bytes[end] ^= 1;
+    std::fs::write(place().join("checked/damaged.safetensors"), bytes).unwrap();
+    run(&["check", "checked/damaged.safetensors"]).fails(3, &["checked/damaged.safetensors"]);
+    run(&["check", "checked/none.safetensors"]).fails(3, &["checked/none.safetensors"]);
+}
+
+/// What was only scored is not what was trained on.
+#[test]
+fn a_card_says_what_was_trained_on_and_what_was_scored() {
+    datasets::write_kaolin(&clock(8, 36, 36), &place().join("elsewhere-views")).unwrap();
+    let card = |data: &[&str], out: &str| {
+        let line = ["export", "img2mesh", "-c", "run", "-o", out];
+        run(&[&line, data].concat()).ok();
+        std::fs::read_to_string(place().join(out).with_extension("md")).unwrap()
+    };
+    let other = card(&["elsewhere-views"], "card/other.safetensors");
+    assert!(other.contains("| trained on | views |"), "{other}");
+    assert!(other.contains("| scored on | elsewhere-views |"), "{other}");
+    // The same data by another name are the same.
+    common::copied(&place().join("views"), &place().join("views-again"));
+    let same = card(&["views-again"], "card/same.safetensors");
+    assert!(same.contains("| trained on | views |") && !same.contains("| scored on"), "{same}");
 }
 
 #[test]

@@ -150,7 +150,35 @@ fn the_manual_has_a_page_for_each_command() {
     }
     let page = std::fs::read_to_string(place.path().join("pages/unsphere-fit.1")).unwrap();
     assert!(page.starts_with(".ie") && page.contains(".TH") && page.contains("max\\-memory"));
+    // Who made it, and options with what they take.
+    let title = page.lines().find(|line| line.starts_with(".TH")).unwrap();
+    assert!(title.contains(concat!("unsphere ", env!("CARGO_PKG_VERSION"))), "{title}");
+    assert!(page.contains("[\\-o|\\-\\-output FOLDER]"), "{page}");
     unsphere(place.path(), ["man", "-o", "pages"]).fails(1, &["pages", "--force"]);
+    // An empty folder has nothing to lose.
+    std::fs::create_dir(place.path().join("empty")).unwrap();
+    unsphere(place.path(), ["man", "-o", "empty"]).ok();
+    assert!(place.path().join("empty/unsphere.1").is_file());
+}
+
+/// A number below 0 is told what is allowed, and not that it is no option.
+#[test]
+fn numbers_below_0_are_told_their_range() {
+    let place = tempfile::tempdir().unwrap();
+    let run = |line: &str| unsphere_with(place.path(), &line.split(' ').collect::<Vec<_>>());
+    for (line, range) in [
+        ("convert a.ply -o b.ply --scale -1", "a number above 0"),
+        ("convert a.ply -o b.ply --height -5mm", "a length with its unit"),
+        ("convert a.ply -o b.ply --faces -5", "4..=4294967295"),
+        ("check a.ply --threads -1", "0..=1024"),
+        ("fit views --max-size -8", "8..=4294967295"),
+        ("fit views --max-memory -2GB", "100MB to"),
+        ("fit views --focal-scale -1", "a number above 0"),
+        ("predict img2mesh views --first -1", "1..=4294967295"),
+    ] {
+        let said = run(line).fails(2, &[range]).stderr();
+        assert!(!said.contains("tip:"), "{line}: {said}");
+    }
 }
 
 #[test]
@@ -188,6 +216,13 @@ fn ctrl_c_keeps_what_there_is() {
     let json = std::fs::read_to_string(place.path().join("long/metrics.json")).unwrap();
     let metrics: serde_json::Value = serde_json::from_str(&json).unwrap();
     assert_eq!(metrics["interrupted"], true);
+    // It is answered at once, and whatever the mesh agrees with, it is not said to be good.
+    let mut rest = String::new();
+    std::io::Read::read_to_string(&mut stderr, &mut rest).unwrap();
+    assert!(rest.contains("stopping: colours and writes what there is"), "{rest}");
+    let verdict = &metrics["verdict"];
+    assert_ne!(verdict["grade"], "good");
+    assert!(verdict["reasons"].to_string().contains("the fit was interrupted after"), "{verdict}");
 }
 
 #[test]

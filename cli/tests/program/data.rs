@@ -182,10 +182,24 @@ fn other_views_score_a_fit_to_all() {
     clock_views(place.path());
     let [a, b, c, d] = TINY;
     let views = "made/views";
-    let fit = ["fit", views, "--score", views, "-o", "out", "--json", a, b, c, d];
-    let metrics = &unsphere(place.path(), fit).ok().json()["metrics"];
+    let fit = |fitted: &str, out: &str| {
+        unsphere(place.path(), ["fit", fitted, "--score", views, "-o", out, "--json", a, b, c, d])
+    };
+    // Where the mesh is made to agree, it is not scored.
+    fit(views, "all").fails(3, &["made/views: the cameras of all its views are fitted"]);
+    let few = copied(&place.path().join(views), &place.path().join("few"));
+    for (view, part) in (6..10)
+        .flat_map(|view| ["rgb.png", "metadata.json", "semantic.npy"].map(|part| (view, part)))
+    {
+        std::fs::remove_file(few.join(format!("{view}_{part}"))).unwrap();
+    }
+    let run = fit("few", "out").ok();
+    assert!(run.stderr().contains("6 of 10 views have cameras that are fitted: left out"));
+    let metrics = &run.json()["metrics"];
     assert_eq!(metrics["scored_on"], "held-out");
-    assert_eq!(metrics["views"]["views"].as_array().unwrap().len(), 10);
+    assert_eq!(metrics["views"]["views"].as_array().unwrap().len(), 4);
+    assert_eq!(metrics["evidence"]["fitted_views"], 6);
+    assert_eq!(run.json()["peak_memory"].is_u64(), cfg!(target_os = "linux"));
     let none = ["fit", views, "--score", views, "-o", "no", "--set", "hold-out=none"];
     unsphere(place.path(), none).fails(2, &["--score", "hold-out"]);
 }

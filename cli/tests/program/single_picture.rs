@@ -11,6 +11,13 @@ fn a_picture_and_its_depth_become_a_colored_mesh() {
         |line: &str| unsphere_with(place.path(), &line.split_whitespace().collect::<Vec<_>>());
     run("train mesh-rcnn --preset tiny -o run -q --set max-steps=2 --set validation-every=none")
         .ok();
+    // Systems that know categories are scored in each, and over all of them.
+    let scored = run("eval mesh-rcnn -c run --json").ok().json();
+    let (name, part) = scored["by_category"].as_object().unwrap().iter().next().unwrap();
+    assert_eq!((name.as_str(), &part["objects"]), ("airplane", &1.into()));
+    assert_eq!(part["metrics"]["f-0.3"], scored["mean_over_categories"]["f-0.3"]);
+    let text = run("eval mesh-rcnn -c run").ok().stdout();
+    assert!(text.contains("validation, 1 object\n"), "{text}");
     run("data generate -o car --families car --objects 1 --views 1 --size 48 --layout kaolin --depth true -q").ok();
     let picture = "car/car/0000/0_rgb.png";
     let predict = |out: &str, rest: &str| {
@@ -42,6 +49,13 @@ fn a_fit_of_one_view_names_what_takes_one() {
     std::fs::write(place.path().join("one.txt"), "3\n").unwrap();
     unsphere(place.path(), ["fit", "made/views", "--only", "one.txt", "-o", "x"]).fails(
         3,
-        &["made/views: ", "at least 2", "`unsphere predict img2mesh made/views -o mesh`"],
+        &[
+            "made/views: found 1 view, ",
+            "at least 2",
+            "`unsphere predict img2mesh made/views -o mesh`",
+        ],
     );
+    std::fs::write(place.path().join("none.txt"), "33\n").unwrap();
+    unsphere(place.path(), ["fit", "made/views", "--only", "none.txt", "-o", "x"])
+        .fails(3, &["none called 33", "there are 0, 1, 2, 3,"]);
 }

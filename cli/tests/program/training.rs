@@ -47,6 +47,10 @@ fn a_training_leaves_a_run_that_can_go_on() {
     let other = ["train", "pixel2mesh", "--resume", "run"];
     unsphere(place.path(), other).fails(3, &["a run of img2mesh", "train img2mesh --resume run"]);
     assert_eq!(resume("epochs=4").ok().json()["steps"], 8);
+    let over = resume("max-steps=3").ok();
+    let text = "nothing is trained: the run has taken 8 steps already, beyond the 3";
+    assert!(over.stderr().contains(text), "{}", over.stderr());
+    assert_eq!(over.json()["steps"], 8);
     std::fs::write(place.path().join("run").join(last), b"nonsense").unwrap();
     resume("epochs=5").fails(3, &["last.safetensors"]);
 }
@@ -162,6 +166,9 @@ fn ctrl_c_leaves_a_checkpoint() {
     let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
     assert!(killed.success());
     assert_eq!(child.wait().unwrap().code(), Some(130));
+    let mut rest = String::new();
+    std::io::Read::read_to_string(&mut stderr, &mut rest).unwrap();
+    assert!(rest.contains("stopping: after this step"), "{rest}");
     let log = std::fs::read_to_string(place.path().join("run/metrics.jsonl")).unwrap();
     let done = log.lines().filter(|line| line.contains("\"kind\":\"step\"")).count();
     // To the end of the epoch after the next, both ways.

@@ -39,8 +39,8 @@ impl Img2Mesh {
 
 impl Predictor for Img2Mesh {
     const ABOUT: &'static str = "Several views to one mesh, learned from images and masks";
-    const TRAINING: &'static str = "`unsphere train img2mesh VIEWS -o runs/mine` trains one, in about three minutes on two \
-         cores (a rough one with --preset tiny, in seconds)";
+    const TRAINING: &'static str = "`unsphere train img2mesh VIEWS -o runs/mine` trains one, in five minutes of one core \
+         (a rough one with --preset tiny, in seconds)";
 
     const REFINE: usize = 100;
 

@@ -3,8 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use datasets::{Layout, Photograph, ReadOptions, View, Views, read_views};
-use mesh_core::Camera;
+use mesh_core::{Camera, counted};
+use recon::delivery::apart_from;
 use train::DataError;
+
+use super::names::{Named, names_file, view_called};
 
 /// A user's files, and which of them the system is given.
 #[derive(Clone)]
@@ -39,7 +42,8 @@ pub enum Choice<'a> {
     All,
     /// So many, in the order of their source.
     First(usize),
-    /// Those of these names: whole, without the extension, or as a number.
+    /// Those of these names: whole, by their last part, without the extension, or by their number, which in names that have none is
+    /// the place in the order of their source, from 0 on.
     Named(&'a [String]),
 }
 
@@ -83,22 +87,43 @@ impl PredictInput {
     /// If nothing can be read, or none of the views asked for is there.
     pub fn read(request: &Request<'_>) -> Result<Self, DataError> {
         refuse(request)?;
-        Self::views(request)
+        Self::views(request)?.judged_too(request)
     }
 
     fn views(request: &Request<'_>) -> Result<Self, DataError> {
         let lenient = ReadOptions { allow_missing: true, ..request.options.clone() };
         let views =
             read_views(request.path, &lenient, request.progress).map_err(DataError::read)?;
-        let mut input = Self::part(views, request.choice)?;
-        if let Some(path) = request.score {
-            // The list of names is of the views that are given.
-            let others = ReadOptions { only: None, ..lenient };
-            let score = read_views(path, &others, request.progress).map_err(DataError::read)?;
-            input.others.extend(score.views);
-            input.warnings.extend(score.warnings);
+        Self::part(views, request.choice)
+    }
+
+    /// With the views that only judge, but for those that are there already.
+    fn judged_too(mut self, request: &Request<'_>) -> Result<Self, DataError> {
+        let Some(path) = request.score else { return Ok(self) };
+        // The list of names is of the views that are given.
+        let others = ReadOptions { allow_missing: true, only: None, ..request.options.clone() };
+        let score = read_views(path, &others, request.progress).map_err(DataError::read)?;
+        let all = score.views.len();
+        let apart = apart_from(score.views, &self.given);
+        let known = all - apart.len();
+        self.others.extend(apart_from(apart, &self.others));
+        self.warnings.extend(score.warnings);
+        if self.others.is_empty() {
+            let text = format!(
+                "{}: the cameras of all its views are given: none is left to score by",
+                path.display()
+            );
+            return Err(DataError::Unfit(text));
         }
-        Ok(input)
+        if known > 0 {
+            let has = if known == 1 { "has a camera that is" } else { "have cameras that are" };
+            self.warnings.push(format!(
+                "{}: {known} of {} {has} given: left out of the scores",
+                path.display(),
+                counted(all, "view")
+            ));
+        }
+        Ok(self)
     }
 
     /// Input for systems of a single image: the first of the chosen views is given, all others judge it. A path to
@@ -130,7 +155,7 @@ impl PredictInput {
         }
         let rest = input.given.split_off(1);
         input.others.splice(0..0, rest);
-        Ok(input)
+        input.judged_too(request)
     }
 
     /// A single image of an object, as if taken by one of 3D-R2N2's cameras.
@@ -187,24 +212,7 @@ impl PredictInput {
                 }
                 (0..count.min(views.len())).collect()
             }
-            Choice::Named(names) => {
-                let (mut found, mut absent) = (Vec::new(), Vec::new());
-                for name in names {
-                    match views.iter().position(|view| is_called(view, name)) {
-                        Some(at) if found.contains(&at) => {}
-                        Some(at) => found.push(at),
-                        None => absent.push(name.as_str()),
-                    }
-                }
-                // Where nothing is missing, the name is a slip.
-                if !absent.is_empty() && (found.is_empty() || warnings.is_empty()) {
-                    return Err(unknown(&source, &absent, &views, &warnings));
-                }
-                warnings.extend(absent.iter().map(|name| {
-                    format!("view {name} was asked for and is not there; the others are used")
-                }));
-                found
-            }
+            Choice::Named(names) => named(names, &views, &source, &mut warnings)?,
         };
         if chosen.is_empty() {
             let text = format!("{}: no view is given, expected at least one", source.display());
@@ -216,6 +224,43 @@ impl PredictInput {
         let others = views.into_iter().flatten().collect();
         Ok(Self { given, others, source, layout, warnings, camera_assumed: false })
     }
+}
+
+/// The places of the views that are asked for by name, each once, in that order.
+fn named(
+    names: &[String],
+    views: &[View],
+    source: &Path,
+    warnings: &mut Vec<String>,
+) -> Result<Vec<usize>, DataError> {
+    let (mut found, mut absent, mut again) = (Vec::new(), Vec::new(), Vec::new());
+    for name in names {
+        match view_called(views, name) {
+            Named::One(at) if found.contains(&at) => again.push(views[at].name.as_str()),
+            Named::One(at) => found.push(at),
+            Named::Absent => absent.push(name.as_str()),
+            Named::Several(first, second) => {
+                let [first, second] = [first, second].map(|at| &views[at].name);
+                return Err(DataError::Unfit(format!(
+                    "{}: {name} may be view {first} or view {second}, expected a whole name",
+                    source.display()
+                )));
+            }
+        }
+    }
+    // Where nothing is missing, the name is a slip.
+    if !absent.is_empty() && (found.is_empty() || warnings.is_empty()) {
+        return Err(unknown(source, &absent, views, warnings));
+    }
+    warnings.extend(
+        absent
+            .iter()
+            .map(|name| format!("view {name} was asked for and is not there; the others are used")),
+    );
+    warnings.extend(
+        again.iter().map(|name| format!("view {name} was asked for twice: it is given once")),
+    );
+    Ok(found)
 }
 
 /// Those views whose masks are not empty: an empty one says that there is nothing where the others see the object.
@@ -258,6 +303,8 @@ fn of_several_views(request: &Request<'_>) -> Option<&'static str> {
         ("--views", matches!(request.choice, Choice::Named(names) if !own(names))),
         ("--first", matches!(request.choice, Choice::First(count) if count > 1)),
         ("--only", only.as_ref().is_some_and(|names| !own(names))),
+        // Where the camera stands is assumed: others' cameras are in another world.
+        ("--score", request.score.is_some()),
         ("--object", object.is_some()),
         ("--turntable", turntable.is_some()),
         ("--axes", axes.is_some()),
@@ -265,18 +312,6 @@ fn of_several_views(request: &Request<'_>) -> Option<&'static str> {
         ("--focal-scale", focal_scale.is_some()),
     ];
     said.into_iter().find(|(_, is_said)| *is_said).map(|(option, _)| option)
-}
-
-/// Whether a view is meant by a name.
-fn is_called(view: &View, name: &str) -> bool {
-    names_file(&view.name, name)
-}
-
-/// Whether a name is that of a file: whole, without the extension, or as a number.
-fn names_file(file: &str, name: &str) -> bool {
-    let stem = file.rsplit_once('.').map_or(file, |(stem, _)| stem);
-    let numbers = (stem.parse::<u64>(), name.parse::<u64>());
-    file == name || stem == name || matches!(numbers, (Ok(a), Ok(b)) if a == b)
 }
 
 fn unknown(source: &Path, absent: &[&str], views: &[View], warnings: &[String]) -> DataError {

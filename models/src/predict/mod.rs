@@ -26,6 +26,7 @@ mod deliver;
 mod familiarity;
 mod input;
 mod judgement;
+mod names;
 mod one_pass;
 mod predictor;
 mod refine;

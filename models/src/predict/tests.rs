@@ -104,6 +104,10 @@ fn a_photograph_has_the_mask_that_is_asked_for_and_no_use_for_the_options_of_man
             PredictInput::single(&Request { options, choice, ..Request::new(&path) }).unwrap_err();
         assert!(error.to_string().contains(option), "{error}");
     }
+    // Not even one that is not there is passed over.
+    let score = Some(std::path::Path::new("nowhere"));
+    let error = PredictInput::single(&Request { score, ..Request::new(&path) }).unwrap_err();
+    assert!(error.to_string().contains("--score is of no use to a single image"), "{error}");
     let own = ["ball".to_owned()];
     assert!(
         PredictInput::single(&Request { choice: Choice::Named(&own), ..Request::new(&path) })

@@ -36,6 +36,11 @@ impl NameMap {
             None => name,
         })
     }
+
+    /// Whether a rule is for names that begin so.
+    pub(super) fn expects(&self, beginning: &str) -> bool {
+        self.0.iter().any(|(old, _)| old.starts_with(beginning))
+    }
 }
 
 impl FromStr for NameMap {

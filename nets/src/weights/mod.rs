@@ -63,6 +63,9 @@ pub fn weights_from_bytes(bytes: &[u8]) -> Result<State, FormatError> {
     }
 }
 
+/// What the names of a model begin with that was trained as PyTorch's `DataParallel` or `DistributedDataParallel`.
+const WRAPPED: &str = "module.";
+
 /// How much a file may differ from the module.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Strictness {
@@ -73,6 +76,9 @@ enum Strictness {
 }
 
 /// How weights are loaded into a module.
+///
+/// Where all names of a file begin with `module.`, as those of PyTorch's `DataParallel` do, they are taken without it, unless a rule of
+/// the [map](Self::map) is for them.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct LoadWeights {
     strictness: Strictness,
@@ -158,8 +164,15 @@ impl LoadWeights {
         state: State,
         module: &mut (impl Module<F> + ?Sized),
     ) -> Result<Mismatch, WeightsError> {
+        let wrapped = !self.map.expects(WRAPPED)
+            && state.names().next().is_some()
+            && state.names().all(|name| name.starts_with(WRAPPED));
+        let inner = |name: &str| match name.strip_prefix(WRAPPED) {
+            Some(inner) if wrapped => self.map.apply(inner),
+            _ => self.map.apply(name),
+        };
         let mut state = state
-            .renamed(|name| self.map.apply(name))
+            .renamed(inner)
             .map_err(|name| WeightsError::Twice { path: path.to_owned(), name })?;
         for name in &self.widened {
             widen(&mut state, name, module);
@@ -195,4 +208,43 @@ fn widen<F: Real>(state: &mut State, name: &str, module: &(impl Module<F> + ?Siz
             state.insert(name, own, filled.as_slice());
         }
     });
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use autodiff_lite::ConvGeometry;
+
+    use super::*;
+    use crate::{Conv2d, Init};
+
+    fn conv(seed: u64) -> Conv2d<f32> {
+        Conv2d::new(&Init::new(seed), 3, 4, 3, ConvGeometry::new())
+    }
+
+    #[test]
+    fn what_data_parallel_puts_before_all_names_is_left_away() {
+        let saved = |prefix: &str| {
+            let mut state = State::new();
+            state.add_module(prefix, &conv(1));
+            state
+        };
+        let mut loaded = conv(2);
+        LoadWeights::strict().load_state(saved("module"), &mut loaded).unwrap();
+        assert_eq!(loaded.weight.value, conv(1).weight.value);
+        // With rules for what is inside, and with those for the whole names.
+        for (prefix, rules) in
+            [("module.features", "features.="), ("module.features", "module.features.=")]
+        {
+            let mut loaded = conv(2);
+            let loading = LoadWeights::strict().map(rules).unwrap();
+            loading.load_state(saved(prefix), &mut loaded).unwrap();
+            assert_eq!(loaded.weight.value, conv(1).weight.value);
+        }
+        // A part of a model that is called so is one of several.
+        let mut mixed = saved("module");
+        mixed.add_module("head", &conv(1));
+        let error = LoadWeights::partial().load_state(mixed, &mut conv(2)).unwrap_err();
+        assert!(error.to_string().contains("weight"), "{error}");
+    }
 }

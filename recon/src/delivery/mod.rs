@@ -1,11 +1,13 @@
 //! From a fit to the folder that a user keeps: meshes, turntable, report and figures.
 
+mod apart;
 mod baked;
 mod comparison;
 mod metrics;
 mod refinement;
 mod report;
 
+pub use apart::apart_from;
 pub use baked::{BakedDelivery, BakedMetrics, deliver_baked};
 pub use comparison::compare;
 pub use metrics::Metrics;

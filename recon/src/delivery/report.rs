@@ -20,9 +20,6 @@ pub(super) fn report(delivery: &Delivery<'_>, metrics: &Metrics, views: Vec<View
     let mut warnings: Vec<String> = verdict.reasons.iter().map(reason).collect();
     warnings.extend(delivery.views.warnings.iter().cloned());
     warnings.extend(fitted.warnings.iter().cloned());
-    if metrics.interrupted {
-        warnings.push("The fit was interrupted: this is what it had by then.".into());
-    }
     // Where it is worst, the difference stands above the photograph.
     let worst = pictures.iter().map(|view| ViewPair {
         caption: view.caption.clone(),

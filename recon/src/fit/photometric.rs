@@ -13,15 +13,15 @@ use mesh_core::{face_normals, untangle, vertex_normals};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::color;
 use super::config::FitConfig;
 use super::error::FitError;
-use super::exposure::Exposure;
 use super::gray_image::{Drawn, GrayImage};
 use super::shape::Shape;
-use super::sight::{Photographed, Sight};
 use super::stereo::{self, DepthMap};
 use super::target::Target;
+use crate::bake::color;
+use crate::bake::exposure::Exposure;
+use crate::bake::sight::{Photographed, Sight};
 
 /// One way of following depths.
 #[derive(Clone, Copy, Debug)]

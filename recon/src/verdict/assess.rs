@@ -49,7 +49,10 @@ pub struct WorstView {
 /// If a face names a vertex that is not there.
 pub fn assess(views: &Views, fitted: &Fitted) -> Result<Assessment, FacesError> {
     let mut evidence = Evidence::of(views, fitted)?;
-    let (verdict, said) = (judge(&evidence), evidence.said());
+    let (mut verdict, said) = (judge(&evidence), evidence.said());
+    if fitted.ended.is_cancelled() {
+        verdict = verdict.interrupted(fitted.history.len());
+    }
     let differ = evidence.views.iter().filter(|view| view.missing + view.excess > DIFFERS);
     let pictures = differ
         .take(SHOWN)

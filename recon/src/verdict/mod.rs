@@ -14,6 +14,7 @@ pub use disagreement::Disagreement;
 pub use evidence::Evidence;
 pub use judge::judge;
 
+use mesh_core::counted;
 use serde::Serialize;
 
 /// How far a fit can be trusted.
@@ -52,4 +53,34 @@ pub struct Verdict {
     pub grade: Grade,
     /// Why it is not better, one sentence each, what weighs most first; empty where it is good.
     pub reasons: Vec<String>,
+}
+
+impl Verdict {
+    /// The same of a fit that was stopped early: doubtful at best, whatever it agrees with.
+    fn interrupted(mut self, steps: usize) -> Self {
+        let text = format!("the fit was interrupted after {}", counted(steps, "step"));
+        // What makes it a failure weighs more.
+        let place = if self.grade == Grade::Failed { self.reasons.len() } else { 0 };
+        self.reasons.insert(place, text);
+        self.grade = self.grade.max(Grade::Doubtful);
+        self
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_interrupted_is_doubtful_at_best() {
+        let verdict = |grade, reasons: &[&str]| Verdict {
+            grade,
+            reasons: reasons.iter().map(|reason| (*reason).to_owned()).collect(),
+        };
+        let text = "the fit was interrupted after 1 step";
+        let good = verdict(Grade::Good, &[]).interrupted(1);
+        assert_eq!(good, verdict(Grade::Doubtful, &[text]));
+        let failed = verdict(Grade::Failed, &["the mesh is not closed"]).interrupted(1);
+        assert_eq!(failed, verdict(Grade::Failed, &["the mesh is not closed", text]));
+    }
 }

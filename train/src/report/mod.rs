@@ -1,6 +1,6 @@
 //! The report of a reconstruction: one HTML page that carries everything it shows.
 //!
-//! The page holds the mesh in a small WebGL viewer, the model above the truth for chosen views,
+//! The page holds the mesh in a small WebGL viewer, above the image for chosen views,
 //! charts, figures and the command that made it. It loads nothing, so it can be mailed or archived.
 
 mod chart;
@@ -36,7 +36,7 @@ pub struct Report {
     pub figures: Vec<Figure>,
     /// Things that the reader should know before trusting the figures.
     pub warnings: Vec<String>,
-    /// The model above the truth, view by view.
+    /// The mesh above the image, view by view.
     pub views: Vec<ViewPair>,
     /// Curves over the course of the run.
     pub charts: Vec<Chart>,
@@ -168,11 +168,11 @@ impl Report {
         if self.views.is_empty() {
             return;
         }
-        page.push_str("<h2>Model above truth</h2><div class=\"views\">");
+        page.push_str("<h2>Mesh above image</h2><div class=\"views\">");
         for view in &self.views {
             let _ = write!(
                 page,
-                "<figure><img alt=\"model, {caption}\" src=\"{}\"><img alt=\"truth, {caption}\" src=\"{}\">\
+                "<figure><img alt=\"mesh, {caption}\" src=\"{}\"><img alt=\"image, {caption}\" src=\"{}\">\
                  <figcaption>{caption}</figcaption></figure>",
                 png_uri(&view.model),
                 png_uri(&view.truth),
