@@ -132,7 +132,7 @@ pub use layouts::mcmr::{Mcmr, McmrAnnotation};
 pub use layouts::pascal3d::{Pascal3d, Pascal3dAnnotation, Viewpoint};
 pub use layouts::photos::write_photos;
 pub use layouts::pix3d::{Pix3d, Pix3dAnnotation};
-pub use layouts::transforms::write_transforms;
+pub use layouts::transforms::{write_transforms, write_transforms_split};
 pub use layouts::{pixel2mesh, r2n2};
 pub use mask::mask_from_alpha;
 #[cfg(feature = "onnx")]
