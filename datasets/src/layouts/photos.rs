@@ -162,7 +162,7 @@ impl Shot {
         let image = read_image_file(opened, &self.image, "image")?;
         let field = format!("{}.width, height", self.field);
         let camera = camera_of_size(self.camera.clone(), &image, &source.locate(CAMERAS), &field)?;
-        if let [mask] = self.masks.as_slice() {
+        if let ([mask], true) = (self.masks.as_slice(), options.reads_mask_files()) {
             source.need(mask, || format!("field `{}.mask` of {CAMERAS} names it", self.field))?;
         }
         let mask = mask_file(opened, &self.masks, options)?;
