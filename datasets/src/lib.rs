@@ -97,6 +97,7 @@ mod mask_file;
 mod mask_input;
 mod mix64;
 mod morphology;
+mod names;
 mod natural;
 #[cfg(feature = "onnx")]
 mod network;
@@ -139,6 +140,7 @@ pub use mask::mask_from_alpha;
 pub use mask_estimator::MaskEstimator;
 pub use mask_input::{MaskInput, MaskScale, PixelScale, mask_of_shares};
 pub use mix64::mix64;
+pub use names::is_called;
 #[cfg(feature = "onnx")]
 pub use network::{NetworkError, NetworkProblem};
 pub use open::{choose, open, open_with, read_views};
