@@ -135,7 +135,7 @@ pub use layouts::photos::write_photos;
 pub use layouts::pix3d::{Pix3d, Pix3dAnnotation};
 pub use layouts::transforms::{write_transforms, write_transforms_split};
 pub use layouts::{pixel2mesh, r2n2};
-pub use mask::mask_from_alpha;
+pub use mask::{clean_mask, mask_from_alpha};
 #[cfg(feature = "onnx")]
 pub use mask_estimator::MaskEstimator;
 pub use mask_input::{MaskInput, MaskScale, PixelScale, mask_of_shares};

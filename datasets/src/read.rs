@@ -10,8 +10,9 @@ use crate::budget::{check_budget, megabytes};
 use crate::consistency;
 use crate::convention::reread;
 use crate::error::ReadViewsError;
-use crate::mask::clean;
-use crate::options::{MaskSource, OnInconsistent, ReadOptions, is_called};
+use crate::mask::clean_mask;
+use crate::names::Names;
+use crate::options::{MaskSource, OnInconsistent, ReadOptions};
 use crate::segment::segment_by_color;
 use crate::source::{Opened, Source};
 use crate::view::{Layout, View, Views};
@@ -152,9 +153,9 @@ impl Reader<'_, '_> {
         let mut views = Vec::with_capacity(decoded.len());
         let (mut test, mut unread) = (Vec::new(), None);
         let mut held = 0;
-        for (at, result) in decoded.into_iter().enumerate() {
         let only = options.only.as_ref().map(|only| Names::of(only.iter().map(String::as_str)));
         let wants = |view: &str| only.as_ref().is_none_or(|only| only.has(view));
+        for (at, result) in decoded.into_iter().enumerate() {
             let index = self.which.map_or(at, |which| which[at]);
             // What was passed over comes before what is too much, so that the error is the same for any number of threads.
             let result = result.unwrap_or_else(|| {
@@ -293,7 +294,7 @@ fn segment(path: &Path, views: &mut [View], options: &ReadOptions) -> Result<(),
         .map_err(|error| ReadViewsError::new(path, error))?;
     for (view, mask) in views.iter_mut().zip(masks) {
         view.mask = mask;
-        clean(&mut view.mask, options);
+        clean_mask(&mut view.mask, options);
     }
     if let Some(margin) = options.margin {
         for view in views {
