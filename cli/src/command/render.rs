@@ -68,11 +68,11 @@ pub(crate) fn run(console: Console, arguments: &Render) -> Result<(), Failure> {
     let drawing = Drawing { console, mesh: &mesh, cameras, arguments };
     match folder {
         Some(folder) => {
-            drawing.into_folder(&folder)?;
+            drawing.write_folder(&folder)?;
             folder.commit()?;
         }
-        None if kind == Picture::Gif => drawing.into_animation(output)?,
-        None => drawing.into_picture(output)?,
+        None if kind == Picture::Gif => drawing.write_animation(output)?,
+        None => drawing.write_picture(output)?,
     }
     let rendered = Rendered { output, pictures };
     console.result(&rendered, |r| {
@@ -127,7 +127,7 @@ struct Drawing<'a> {
 
 impl Drawing<'_> {
     /// Writes each image as it is drawn: all of them together may be more than the memory.
-    fn into_folder(&self, folder: &OutputFolder) -> Result<(), Failure> {
+    fn write_folder(&self, folder: &OutputFolder) -> Result<(), Failure> {
         let stem = |name: &str| name.replace(['/', '\\'], "_");
         let named = self.cameras.iter().map(|(name, _)| (&**name, format!("{}.png", stem(name))));
         let files = one_each("image", named)?;
@@ -141,7 +141,7 @@ impl Drawing<'_> {
         })
     }
 
-    fn into_animation(&self, output: &Path) -> Result<(), Failure> {
+    fn write_animation(&self, output: &Path) -> Result<(), Failure> {
         let bytes: u64 = self.cameras.iter().map(|(_, c)| 3 * (c.width * c.height) as u64).sum();
         if bytes > MOST_BYTES {
             let text = "of memory, expected at most 4: fewer --frames, or a smaller --size";
@@ -160,7 +160,7 @@ impl Drawing<'_> {
         write(output, &encode_gif(&frames, DELAY))
     }
 
-    fn into_picture(&self, output: &Path) -> Result<(), Failure> {
+    fn write_picture(&self, output: &Path) -> Result<(), Failure> {
         self.draw(&|_, view| {
             write(output, &encode_png(&view.color))?;
             view.depth.map_or(Ok(()), |depth| {

@@ -56,7 +56,9 @@ pub(crate) fn run(console: Console, arguments: &Mask) -> Result<(), Failure> {
     let files = files(&views, named)?;
     let made = masks::make(console, &arguments.source, &mut views, named.is_some())?;
     let options = asked.options();
-    views.iter_mut().for_each(|view| clean_mask(&mut view.mask, &options));
+    for view in &mut views {
+        clean_mask(&mut view.mask, &options);
+    }
     let mut shares = Vec::new();
     for (view, file) in views.iter().zip(files) {
         let path = folder.path().join(&file);
