@@ -7,7 +7,7 @@ use mesh_core::{ByteImage, Camera, DepthMap, decode_image_with, encode_depth, en
 
 use crate::backdrop::Backdrop;
 use crate::error::{ReadViewsError, ViewsProblem, WriteViewsError};
-use crate::mask::{clean, invert, mask_from_alpha};
+use crate::mask::{clean_mask, invert, mask_from_alpha};
 use crate::mask_file::{MaskFile, mask_of_folder};
 use crate::natural;
 use crate::options::{MaskSource, ReadOptions};
@@ -90,11 +90,49 @@ pub(crate) fn check_shape(
     field: impl Into<String>,
 ) -> Result<(), ReadViewsError> {
     let (width, height) = (image.pixels.width, image.pixels.height);
-    if w.saturating_mul(height).abs_diff(h.saturating_mul(width)) <= w.max(h) {
+    if is_same_shape([w, h], [width, height]) {
         return Ok(());
     }
     let expected = format!("the shape of {}, {width}x{height}", image.path.display());
     Err(ReadViewsError::field(file, field, format!("{w}x{h}"), expected))
+}
+
+/// Whether the second of two sizes is that of a resized copy of the first, of which each side was rounded.
+fn is_same_shape([w, h]: [usize; 2], [width, height]: [usize; 2]) -> bool {
+    w.saturating_mul(height).abs_diff(h.saturating_mul(width)) <= w.max(h)
+}
+
+/// The mask at the size of its image: masks are made of smaller copies where memory is short, and images are thinned out.
+///
+/// # Errors
+/// If neither can be a resized copy of the other.
+fn mask_of_size(
+    (at, mask): (PathBuf, ByteImage),
+    image: &ImageFile,
+) -> Result<ByteImage, ReadViewsError> {
+    let [of_mask, of_image] = [&mask, &image.pixels].map(|found| [found.width, found.height]);
+    if of_mask == of_image {
+        return Ok(mask);
+    }
+    if mask.data.is_empty() || !is_same_shape(of_mask.max(of_image), of_mask.min(of_image)) {
+        return Err(of_another_size(&at, "mask size", of_mask, image));
+    }
+    let mut mask = mask.resized(image.pixels.height, image.pixels.width);
+    // As views are averaged down.
+    mask.data.iter_mut().for_each(|m| *m = if *m >= 128 { 255 } else { 0 });
+    Ok(mask)
+}
+
+/// The error of a file that has not the size of its image.
+fn of_another_size(
+    at: &Path,
+    field: &str,
+    [w, h]: [usize; 2],
+    image: &ImageFile,
+) -> ReadViewsError {
+    let ByteImage { width, height, .. } = image.pixels;
+    let expected = format!("{width}x{height}, the size of {}", image.path.display());
+    ReadViewsError::field(at, field, format!("{w}x{h}"), expected)
 }
 
 /// Writes a view's `images/NNNN.png`, `masks/NNNN.png` and, where it has depth, `depth/NNNN.exr`: their names.
@@ -132,35 +170,27 @@ pub(crate) fn assemble(
     depth: Option<(PathBuf, DepthMap)>,
     options: &ReadOptions,
 ) -> Result<View, ReadViewsError> {
-    let ImageFile { path, pixels: image } = image;
-    let size = |h: usize, w: usize| format!("{w}x{h}");
-    let same_size = |at: &Path, field: &str, h: usize, w: usize| {
-        if (h, w) == (image.height, image.width) {
-            return Ok(());
-        }
-        let expected =
-            format!("{}, the size of {}", size(image.height, image.width), path.display());
-        Err(ReadViewsError::field(at, field, size(h, w), expected))
-    };
-    let file = match &options.masks {
-        Some(folder) => mask_of_folder(folder, &path, options)?,
+    let MaskFile { found, looked_for } = match &options.masks {
+        Some(folder) => mask_of_folder(folder, &image.path, options)?,
         None => file,
     };
-    if let Some((at, mask)) = &file.found {
-        same_size(at, "mask size", mask.height, mask.width)?;
-    }
+    let found = found.map(|found| mask_of_size(found, &image)).transpose()?;
     if let Some((at, depth)) = &depth {
-        same_size(at, "depth size", depth.height, depth.width)?;
+        let size = [depth.width, depth.height];
+        if size != [image.pixels.width, image.pixels.height] {
+            return Err(of_another_size(at, "depth size", size, &image));
+        }
     }
+    let ImageFile { path, pixels: image } = image;
     let color = image.over(options.background);
-    let looked_for = file.looked_for();
+    let looked_for = MaskFile { found: None, looked_for }.looked_for();
     let no_mask = || {
         let problem = ViewsProblem::NoMask { looked_for: looked_for.clone() };
         ReadViewsError::new(&path, problem)
     };
-    let mut mask = match (options.mask, file.found) {
-        (_, found) if options.masks.is_some() => found.map(|(_, mask)| mask).ok_or_else(no_mask)?,
-        (MaskSource::Auto | MaskSource::Files, Some((_, mask))) => mask,
+    let mut mask = match (options.mask, found) {
+        (_, found) if options.masks.is_some() => found.ok_or_else(no_mask)?,
+        (MaskSource::Auto | MaskSource::Files, Some(mask)) => mask,
         (MaskSource::Auto | MaskSource::Alpha, _) => mask_from_alpha(&image).ok_or_else(no_mask)?,
         // What is object follows from all views, when they are read.
         (MaskSource::Whole | MaskSource::ColorModel, _) => {
@@ -179,7 +209,7 @@ pub(crate) fn assemble(
     if options.invert && can_invert {
         invert(&mut mask);
     }
-    clean(&mut mask, options);
+    clean_mask(&mut mask, options);
     let view = View { name, color, mask, camera, depth: depth.map(|(_, depth)| depth), crop: None };
     Ok(match options.max_size {
         Some(longest) => view.at_most(longest),

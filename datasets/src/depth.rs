@@ -9,13 +9,31 @@ use crate::formats::npy;
 use crate::options::ReadOptions;
 use crate::source::Opened;
 
-/// Reads planar depth from the first of `names` that exists, EXR, npy or PNG, whose whole numbers stand for `unit` each.
+/// What a number of a depth file stands for.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Unit {
+    /// A whole one stands for so much, others for themselves.
+    OfIntegers(f64),
+    /// Each stands for so much, as files of depth are told to.
+    OfAll(f64),
+}
+
+impl Unit {
+    fn of(self, is_integer: bool) -> f32 {
+        match self {
+            Self::OfIntegers(_) if !is_integer => 1.0,
+            Self::OfIntegers(unit) | Self::OfAll(unit) => unit as f32,
+        }
+    }
+}
+
+/// Reads planar depth from the first of `names` that exists, EXR, npy or PNG, the last of which has whole numbers.
 ///
 /// What is not finite, not positive or at least 1e9 is background: `+inf`.
 pub(crate) fn read(
     opened: &mut Opened<'_>,
     names: &[String],
-    unit: f64,
+    unit: Unit,
     image: &ByteImage,
     options: &ReadOptions,
 ) -> Result<Option<(PathBuf, DepthMap)>, ReadViewsError> {
@@ -27,9 +45,10 @@ pub(crate) fn read(
         let extension = std::path::Path::new(name).extension();
         extension.is_some_and(|extension| extension.eq_ignore_ascii_case(wanted))
     };
+    let unit = unit.of(ends_in("png"));
     let mut depth = if ends_in("png") {
         let bytes = opened.read(name, "depth", most_bytes(image))?;
-        decode_depth_png_with(&bytes, &path, unit as f32, opened.limits())
+        decode_depth_png_with(&bytes, &path, unit, opened.limits())
             .map_err(|error| ReadViewsError::new(&path, error))?
     } else if ends_in("exr") {
         let bytes = opened.read(name, "depth", most_bytes(image))?;
@@ -42,6 +61,8 @@ pub(crate) fn read(
     for d in &mut depth.data {
         if !(*d > 0.0 && *d < 1e9) {
             *d = f32::INFINITY;
+        } else if !ends_in("png") {
+            *d *= unit;
         }
     }
     Ok(Some((path, depth)))

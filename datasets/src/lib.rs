@@ -97,6 +97,7 @@ mod mask_file;
 mod mask_input;
 mod mix64;
 mod morphology;
+mod names;
 mod natural;
 #[cfg(feature = "onnx")]
 mod network;
@@ -132,13 +133,14 @@ pub use layouts::mcmr::{Mcmr, McmrAnnotation};
 pub use layouts::pascal3d::{Pascal3d, Pascal3dAnnotation, Viewpoint};
 pub use layouts::photos::write_photos;
 pub use layouts::pix3d::{Pix3d, Pix3dAnnotation};
-pub use layouts::transforms::write_transforms;
+pub use layouts::transforms::{write_transforms, write_transforms_split};
 pub use layouts::{pixel2mesh, r2n2};
-pub use mask::mask_from_alpha;
+pub use mask::{clean_mask, mask_from_alpha};
 #[cfg(feature = "onnx")]
 pub use mask_estimator::MaskEstimator;
 pub use mask_input::{MaskInput, MaskScale, PixelScale, mask_of_shares};
 pub use mix64::mix64;
+pub use names::is_called;
 #[cfg(feature = "onnx")]
 pub use network::{NetworkError, NetworkProblem};
 pub use open::{choose, open, open_with, read_views};

@@ -49,8 +49,10 @@ pub(crate) fn fill_holes(mask: &mut ByteImage) {
     }
 }
 
-/// What the options mend in a mask, in the order of their documentation.
-pub(crate) fn clean(mask: &mut ByteImage, options: &ReadOptions) {
+/// What the options mend in a mask, 255 = object: it is dilated, eroded, left with its largest part, and its holes are filled,
+/// each where [`ReadOptions`] say so, in this order. Readers do so with the masks that they find; this is for masks that are made of
+/// what was read.
+pub fn clean_mask(mask: &mut ByteImage, options: &ReadOptions) {
     dilate(mask, options.dilate);
     erode(mask, options.erode);
     if options.largest_part {

@@ -24,7 +24,7 @@ pub struct ReadOptions {
     pub dilate: usize,
     /// By how many pixels masks are eroded after that: as much as they were dilated is a closing.
     pub erode: usize,
-    /// The only views that are read, by their names or their images' file names; `None` reads all.
+    /// The only views that are read, by their names or their images' file names ([`is_called`](crate::is_called)); `None` reads all.
     pub only: Option<Vec<String>>,
     /// Rows above and below, columns left and right that are no part of a scene with a plain backdrop: bars of a video. Found by
     /// itself where [`MaskSource::Backdrop`] has no colour.
@@ -127,18 +127,10 @@ pub enum MaskSource {
     ColorModel,
 }
 
-/// Whether a view or a file is meant by a name: its own, or that of its image.
-pub(crate) fn is_called(view: &str, name: &str) -> bool {
-    let file = |text: &str| text.rsplit(['/', '\\']).next().unwrap_or_default().to_owned();
-    let stem = |file: &str| file.rsplit_once('.').map_or(file, |(stem, _)| stem).to_owned();
-    let (view, name) = (file(view), file(name));
-    view == name || view == stem(&name) || stem(&view) == name
-}
-
 impl ReadOptions {
-    /// Whether a view, or the view of a file, is one of those that are read.
-    pub(crate) fn wants(&self, view: &str) -> bool {
-        self.only.as_ref().is_none_or(|only| only.iter().any(|name| is_called(view, name)))
+    /// Whether masks hold all pixels while views are read, so that they say nothing of the object.
+    pub(crate) fn takes_all_pixels(&self) -> bool {
+        self.masks.is_none() && matches!(self.mask, MaskSource::Whole | MaskSource::ColorModel)
     }
 
     /// Whether the layout's files of masks are taken.

@@ -10,8 +10,9 @@ use crate::budget::{check_budget, megabytes};
 use crate::consistency;
 use crate::convention::reread;
 use crate::error::ReadViewsError;
-use crate::mask::clean;
-use crate::options::{MaskSource, OnInconsistent, ReadOptions, is_called};
+use crate::mask::clean_mask;
+use crate::names::Names;
+use crate::options::{MaskSource, OnInconsistent, ReadOptions};
 use crate::segment::segment_by_color;
 use crate::source::{Opened, Source};
 use crate::view::{Layout, View, Views};
@@ -152,6 +153,8 @@ impl Reader<'_, '_> {
         let mut views = Vec::with_capacity(decoded.len());
         let (mut test, mut unread) = (Vec::new(), None);
         let mut held = 0;
+        let only = options.only.as_ref().map(|only| Names::of(only.iter().map(String::as_str)));
+        let wants = |view: &str| only.as_ref().is_none_or(|only| only.has(view));
         for (at, result) in decoded.into_iter().enumerate() {
             let index = self.which.map_or(at, |which| which[at]);
             // What was passed over comes before what is too much, so that the error is the same for any number of threads.
@@ -161,9 +164,9 @@ impl Reader<'_, '_> {
             held += result.as_ref().map_or(0, |view| view.bytes() as u64);
             check_budget(path, options, held)?;
             match result {
-                Ok(view) if !options.wants(&view.name) => {}
+                Ok(view) if !wants(&view.name) => {}
                 // What is not wanted may be what cannot be read; or it is the file of all cameras, and a view will be missed.
-                Err(error) if !options.wants(&error.path.to_string_lossy()) => {
+                Err(error) if !wants(&error.path.to_string_lossy()) => {
                     unread = unread.or(Some(error));
                 }
                 Ok(view) => {
@@ -188,8 +191,11 @@ impl Reader<'_, '_> {
         views: &[View],
         unread: Option<ReadViewsError>,
     ) -> Result<(), ReadViewsError> {
-        let missed = |name: &&String| !views.iter().any(|view| is_called(&view.name, name));
-        if let Some(name) = self.options.only.iter().flatten().find(missed) {
+        let missed = self.options.only.as_ref().and_then(|only| {
+            let read = Names::of(views.iter().map(|view| view.name.as_str()));
+            only.iter().find(|name| !read.has(name))
+        });
+        if let Some(name) = missed {
             let why =
                 unread.map_or_else(String::new, |error| format!(" that can be read: {error}"));
             let found = format!("none called {name}{why}");
@@ -288,7 +294,7 @@ fn segment(path: &Path, views: &mut [View], options: &ReadOptions) -> Result<(),
         .map_err(|error| ReadViewsError::new(path, error))?;
     for (view, mask) in views.iter_mut().zip(masks) {
         view.mask = mask;
-        clean(&mut view.mask, options);
+        clean_mask(&mut view.mask, options);
     }
     if let Some(margin) = options.margin {
         for view in views {

@@ -45,11 +45,16 @@ impl View {
     /// # Panics
     /// If the camera has parallel rays.
     pub fn undistorted(self, distortion: &Distortion) -> Result<Self, OffAxisError> {
+        self.straight(distortion, true)
+    }
+
+    /// The same. Where the mask is no object's, what of it the lens cannot be followed to is left out.
+    fn straight(self, distortion: &Distortion, mask_is_object: bool) -> Result<Self, OffAxisError> {
         let Lens::Perspective { fx, fy, cx, cy } = self.camera.lens else {
             panic!("View::undistorted: parallel rays have no such distortion")
         };
         let pinhole = Pinhole { fx, fy, cx, cy };
-        let [left, top, right, bottom] = self.frame(&pinhole, distortion)?;
+        let [left, top, right, bottom] = self.frame(&pinhole, distortion, mask_is_object)?;
         let longest = LONGEST * self.color.width.max(self.color.height) as f64;
         let scale = (longest / (right - left).max(bottom - top)).min(1.0);
         let size = |length: f64| (length * scale).ceil().max(1.0) as usize;
@@ -111,7 +116,12 @@ impl View {
 
     /// Left, top, right and bottom of the frame that holds the image's own and the object's, in the
     /// pixels of the pinhole.
-    fn frame(&self, pinhole: &Pinhole, distortion: &Distortion) -> Result<[f64; 4], OffAxisError> {
+    fn frame(
+        &self,
+        pinhole: &Pinhole,
+        distortion: &Distortion,
+        mask_is_object: bool,
+    ) -> Result<[f64; 4], OffAxisError> {
         let (width, height) = (self.mask.width, self.mask.height);
         let mut object = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
         let undistort = distortion.undistorter();
@@ -123,11 +133,14 @@ impl View {
                     continue;
                 }
                 let seen = [j as f64 + 0.5, i as f64 + 0.5];
-                let ray = undistort(pinhole.ray(seen)).ok_or_else(|| OffAxisError {
-                    column: seen[0],
-                    row: seen[1],
-                    degrees: distortion.reach().atan().to_degrees(),
-                })?;
+                let ray = match undistort(pinhole.ray(seen)) {
+                    Some(ray) => ray,
+                    None if !mask_is_object => continue,
+                    None => {
+                        let degrees = distortion.reach().atan().to_degrees();
+                        return Err(OffAxisError { column: seen[0], row: seen[1], degrees });
+                    }
+                };
                 let at = pinhole.pixel(ray);
                 object = [
                     object[0].min(at[0]),
@@ -187,8 +200,14 @@ pub(crate) fn straightened(
     (file, field): (&Path, &str),
 ) -> Result<View, ReadViewsError> {
     let Some(distortion) = distortion.filter(|_| options.undistort) else { return Ok(view) };
-    view.undistorted(distortion).map_err(|source| {
+    // A mask of all pixels ends where the image does, which says nothing of where the object is.
+    let straight = view.straight(distortion, !options.takes_all_pixels()).map_err(|source| {
         ReadViewsError::new(file, ViewsProblem::OffAxis { field: field.to_owned(), source })
+    })?;
+    // The frame around what bends outwards is larger than the image was.
+    Ok(match options.max_size {
+        Some(longest) => straight.at_most(longest),
+        None => straight,
     })
 }
 

@@ -11,7 +11,7 @@ use std::path::Path;
 use counting::{alone, limit, peak};
 use datasets::pixel2mesh::{Ellipsoid, Pixel2Mesh, read_sample};
 use datasets::r2n2::R2n2;
-use datasets::{Bop, Colmap, Cub, Mcmr, Pix3d, ReadOptions, open, read_depth_file};
+use datasets::{Bop, Colmap, Cub, Dataset, Mcmr, Pix3d, ReadOptions, open, read_depth_file};
 use mesh_core::{ByteImage, write_png};
 
 /// As long as the nested pickles that once took 396 MB.
@@ -259,6 +259,34 @@ fn matlab_variables_that_inflate() {
         assert!(bytes.len() < 3_000_000, "{what}: {}", bytes.len());
         let _ = held(&path, &bytes, what, || Cub::open(folder.path()));
     }
+}
+
+/// Cells that are deflated bits in the file take a byte each in the grid.
+#[test]
+fn voxels_that_inflate() {
+    let _alone = alone();
+    let folder = tempfile::tempdir().unwrap();
+    let annotations = br#"[{"img": "img/a.png", "mask": "mask/a.png", "model": "model/a/m.obj", "voxel": "model/a/v.mat",
+        "category": "chair", "rot_mat": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "trans_mat": [0, 0, 2], "focal_length": 35,
+        "img_size": [4, 3], "cam_position": [0, 0, 2], "inplane_rotation": 0, "bbox": [0, 0, 4, 3], "truncated": false,
+        "occluded": false, "slightly_occluded": false, "img_source": "x", "model_source": "x", "2d_keypoints": [], "3d_keypoints": ""}]"#;
+    std::fs::write(folder.path().join("pix3d.json"), annotations).unwrap();
+    write_png_at(&folder.path().join("img/a.png"));
+    let dataset = Pix3d::open(folder.path()).unwrap();
+    // More than 256 MB.
+    let side = 700_u32;
+    let mut body = vec![6, 0, 0, 0, 8, 0, 0, 0, 9, 0, 0, 0, 0, 0, 0, 0, 5, 0, 0, 0, 12, 0, 0, 0];
+    body.extend([side; 3].iter().flat_map(|d| d.to_le_bytes()));
+    body.extend([0, 0, 0, 0, 1, 0, 0, 0, 5, 0, 0, 0]);
+    body.extend(b"voxel\0\0\0");
+    body.extend([2, 0, 0, 0]);
+    body.extend((side * side * side).to_le_bytes());
+    body.resize(body.len() + (side * side * side) as usize, 0);
+    let bytes = compressed(&body);
+    drop(body);
+    let path = folder.path().join("model/a/v.mat");
+    let error = held(&path, &bytes, "voxels", || dataset.truth(0)).unwrap_err().to_string();
+    assert!(error.contains("voxel"), "{error}");
 }
 
 #[test]

@@ -38,7 +38,7 @@ pub use monocular::{Guess, Monocular};
 pub use planted::Planted;
 pub use procedural::{Procedural, families_named};
 pub use r2n2::R2n2Cameras;
-pub use render::{RenderOptions, render, render_view, render_views};
+pub use render::{RenderOptions, render, render_each, render_view, render_views};
 pub use rendering::{NormalSpace, Rendering};
 pub use room::{Cloth, Room, Wall, marbled};
 pub use shade::{Lamp, Lighting};

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use super::doubled::Doubled;
 use super::rendering::{NormalSpace, Rendering};
 use super::shade::{Albedo, Lighting, corner_normals, encode, unit};
-use super::sketch::Sketch;
+use super::sketch::{Sketch, bands};
 
 /// How a mesh is drawn.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -102,30 +102,14 @@ pub fn render_views(
 ///
 /// # Cost
 /// About 6 ms per core for a view of 256x256 with 3x3 samples. Memory: the views, and per thread
-/// 20 bytes for each sample of the part of one view that the mesh can touch.
+/// 20 bytes for each sample of the part of one view that the mesh can touch, at most 340 MB: more are drawn in bands. [`render_each`] keeps no view.
 pub fn render(
     mesh: &TriMesh,
     cameras: &[Camera],
     options: &RenderOptions,
     progress: &(dyn Fn(usize, usize) + Sync),
 ) -> Result<Vec<Rendering>, FacesError> {
-    assert!(
-        options.supersample % 2 == 1,
-        "render: supersample {}, expected an odd number",
-        options.supersample
-    );
-    let faces = Arc::new(Faces::of(mesh)?);
-    let linear = !options.lighting.is_flat();
-    let scene = Scene {
-        mesh,
-        faces,
-        doubled: Doubled::of(mesh),
-        albedo: Albedo::of(mesh, linear, options.plain),
-        light: linear.then(|| options.lighting.on(mesh)),
-        normals: options.normals.map(|_| corner_normals(mesh, options.lighting.crease)),
-        background: options.background.map(|v| if linear { srgb_to_linear(v) } else { v }),
-        options,
-    };
+    let scene = Scene::of(mesh, options)?;
     let done = AtomicUsize::new(0);
     Ok(cameras
         .par_iter()
@@ -136,6 +120,27 @@ pub fn render(
             rendering
         })
         .collect())
+}
+
+/// Draws the mesh from every camera, as [`render`], and hands each rendering over with its index as soon as it is there, from any
+/// thread: no more of them are held than there are threads.
+///
+/// # Errors
+/// If a face names a vertex that is not there. The result within is what `take` says: after an error no more are drawn.
+///
+/// # Panics
+/// # Cost
+/// As [`render`].
+pub fn render_each<E: Send>(
+    mesh: &TriMesh,
+    cameras: &[Camera],
+    options: &RenderOptions,
+    take: &(dyn Fn(usize, Rendering) -> Result<(), E> + Sync),
+) -> Result<Result<(), E>, FacesError> {
+    let scene = Scene::of(mesh, options)?;
+    Ok(cameras.par_iter().enumerate().try_for_each_init(Sketch::default, |sketch, (i, camera)| {
+        take(i, scene.draw(camera, i.to_string(), sketch))
+    }))
 }
 
 struct Scene<'a> {
@@ -151,7 +156,23 @@ struct Scene<'a> {
     options: &'a RenderOptions,
 }
 
-impl Scene<'_> {
+impl<'a> Scene<'a> {
+    fn of(mesh: &'a TriMesh, options: &'a RenderOptions) -> Result<Self, FacesError> {
+        let times = options.supersample;
+        assert!(times % 2 == 1, "render: supersample {times}, expected an odd number");
+        let linear = !options.lighting.is_flat();
+        Ok(Self {
+            mesh,
+            faces: Arc::new(Faces::of(mesh)?),
+            doubled: Doubled::of(mesh),
+            albedo: Albedo::of(mesh, linear, options.plain),
+            light: linear.then(|| options.lighting.on(mesh)),
+            normals: options.normals.map(|_| corner_normals(mesh, options.lighting.crease)),
+            background: options.background.map(|v| if linear { srgb_to_linear(v) } else { v }),
+            options,
+        })
+    }
+
     fn draw(&self, camera: &Camera, name: String, sketch: &mut Sketch) -> Rendering {
         let mut rendering = self.empty(camera, name);
         let positions = &self.mesh.positions;
@@ -160,7 +181,9 @@ impl Scene<'_> {
             Arc::new(faces.expect("corners of faces that are sound"))
         });
         let faces = shown.as_ref().unwrap_or(&self.faces);
-        if let Some(part) = sketch.draw(camera, positions, faces, self.options.supersample) {
+        let times = self.options.supersample;
+        for part in bands(camera, positions, times) {
+            sketch.draw(camera, part, positions, faces, times);
             self.resolve(&sketch.fragments, part, &mut rendering);
         }
         rendering
@@ -314,6 +337,16 @@ mod tests {
         }
         // Only pixels that the polygon's outline leaves out by a hair.
         assert!(wrong <= 4, "{wrong} pixels differ");
+    }
+
+    #[test]
+    fn each_rendering_is_handed_over_until_one_is_refused() {
+        let (ball, cameras) = (primitives::icosphere(2), vec![camera(32, 24); 5]);
+        let options = RenderOptions::default();
+        let views = render_views(&ball, &cameras, &options, &|_, _| ()).unwrap();
+        let take = |i: usize, made: Rendering| if made.view == views[i] { Ok(()) } else { Err(i) };
+        assert_eq!(render_each(&ball, &cameras, &options, &take).unwrap(), Ok(()));
+        assert!(render_each(&ball, &cameras, &options, &|i, _| Err::<(), _>(i)).unwrap().is_err());
     }
 
     #[test]

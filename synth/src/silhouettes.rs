@@ -6,7 +6,7 @@ use diff_raster::{Faces, FacesError, NONE};
 use mesh_core::{ByteImage, Camera, TriMesh};
 use rayon::prelude::*;
 
-use super::sketch::Sketch;
+use super::sketch::{Sketch, bands};
 
 /// The pixels whose centres a mesh covers, 255 in an image of one channel for each camera: the masks of
 /// [`render_views`](super::render_views), without its colours.
@@ -30,13 +30,14 @@ pub fn silhouettes(mesh: &TriMesh, cameras: &[Camera]) -> Result<Vec<ByteImage>,
     let faces = Arc::new(Faces::of(mesh)?);
     let silhouette = |sketch: &mut Sketch, camera: &Camera| {
         let mut mask = ByteImage::new(camera.height, camera.width, 1);
-        let Some([top, left, _, columns]) = sketch.draw(camera, &mesh.positions, &faces, 1) else {
-            return mask;
-        };
-        let rows = mask.data.chunks_exact_mut(camera.width).skip(top);
-        for (row, shown) in rows.zip(sketch.fragments.face.chunks_exact(columns)) {
-            for (pixel, &face) in row[left..].iter_mut().zip(shown) {
-                *pixel = if face == NONE { 0 } else { 255 };
+        for part in bands(camera, &mesh.positions, 1) {
+            sketch.draw(camera, part, &mesh.positions, &faces, 1);
+            let [top, left, _, columns] = part;
+            let rows = mask.data.chunks_exact_mut(camera.width).skip(top);
+            for (row, shown) in rows.zip(sketch.fragments.face.chunks_exact(columns)) {
+                for (pixel, &face) in row[left..].iter_mut().zip(shown) {
+                    *pixel = if face == NONE { 0 } else { 255 };
+                }
             }
         }
         mask

@@ -358,6 +358,29 @@ fn a_mesh_of_the_users_own_keeps_its_texture() {
     assert!(colors.len() > 50, "{} colours", colors.len());
 }
 
+/// In millimetres, cameras that stand at 1.1 to 1.7 would be inside of it.
+#[test]
+fn models_that_3d_r2n2s_cameras_are_not_around_are_refused() {
+    let place = tempfile::tempdir().unwrap();
+    let path = place.path().join("chair.ply");
+    let config = GenerateConfig { cameras: CameraSet::R2n2, ..small(OutputLayout::Kaolin) };
+    for scale in [1000.0, 0.001] {
+        mesh_core::write_mesh(&path, &primitives::cuboid([scale; 3])).unwrap();
+        let read = |normalize| Model::read(&path, normalize).unwrap();
+        let make = |model: &Model, config: &GenerateConfig, name: &str| {
+            let folder = place.path().join(format!("{name}{scale}"));
+            generate(config, std::slice::from_ref(model), &folder, &mut Watch::default())
+        };
+        let error = make(&read(Normalize::None), &config, "none").unwrap_err().to_string();
+        assert!(error.contains("chair/0000") && error.contains("--normalize"), "{error}");
+        for fits in [Normalize::UnitDiagonal, Normalize::UnitBox, Normalize::UnitSphere] {
+            assert!(make(&read(fits), &config, &format!("{fits:?}")).is_ok());
+        }
+        let sphere = GenerateConfig { cameras: CameraSet::Sphere, ..config.clone() };
+        assert!(make(&read(Normalize::None), &sphere, "sphere").is_ok());
+    }
+}
+
 /// Several processes at one folder, one of which is stopped and run again, make the bytes of one.
 #[test]
 fn shares_make_the_whole() {

@@ -83,10 +83,10 @@ pub(crate) struct Reading {
     pub(crate) turntable: Option<u32>,
     /// How far above the object the turntable's camera stood, degrees.
     #[arg(long, value_name = "DEGREES", default_value_t = 0.0, allow_negative_numbers = true)]
-    #[arg(value_parser = degrees)]
+    #[arg(value_parser = degrees, requires = "turntable")]
     pub(crate) elevation: f64,
     /// How far from the turntable's axis the camera stood; the mesh is in the same unit.
-    #[arg(long, value_name = "LENGTH", default_value_t = 1.0)]
+    #[arg(long, value_name = "LENGTH", default_value_t = 1.0, requires = "turntable")]
     pub(crate) distance: f64,
     /// The turntable's full vertical angle of view, degrees.
     #[arg(long, value_name = "DEGREES", requires = "turntable")]
@@ -141,9 +141,13 @@ pub(crate) struct ViewNames(Vec<String>);
 
 fn view_names(path: &str) -> Result<ViewNames, String> {
     let mut text = String::new();
-    let read =
-        std::fs::File::open(path).and_then(|file| file.take(LIST_BYTES).read_to_string(&mut text));
+    let read = std::fs::File::open(path)
+        .and_then(|file| file.take(LIST_BYTES + 1).read_to_string(&mut text));
     read.map_err(|error| error.to_string())?;
+    // Cut, it would name another view at its end.
+    if text.len() as u64 > LIST_BYTES {
+        return Err("more than 16 MB, expected the names of views, one a line".to_owned());
+    }
     let names: Vec<String> =
         text.lines().map(str::trim).filter(|name| !name.is_empty()).map(str::to_owned).collect();
     if names.is_empty() { Err("names no view".to_owned()) } else { Ok(ViewNames(names)) }
@@ -180,6 +184,41 @@ fn mask_source(text: &str) -> Result<MaskSource, String> {
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
     use super::*;
+
+    #[derive(clap::Parser)]
+    struct Line {
+        #[command(flatten)]
+        reading: Reading,
+    }
+
+    fn options(line: &str) -> Result<ReadOptions, String> {
+        let words = std::iter::once("x").chain(line.split(' ').filter(|word| !word.is_empty()));
+        let line = <Line as clap::Parser>::try_parse_from(words);
+        line.map(|line| line.reading.options()).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn what_is_said_of_a_turntable_needs_one() {
+        assert_eq!(options("").unwrap().turntable, None);
+        let table = options("--turntable 9 --fov 30 --elevation -20").unwrap().turntable.unwrap();
+        assert_eq!((table.count, table.elevation, table.distance), (9, -20.0, 1.0));
+        for alone in ["--elevation 20", "--distance 3", "--fov 30", "--turntable-reverse"] {
+            assert!(options(alone).unwrap_err().contains("--turntable"), "{alone}");
+        }
+    }
+
+    #[test]
+    fn a_list_of_names_is_read_whole_or_not_at_all() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("list.txt");
+        let read = || view_names(path.to_str().unwrap());
+        std::fs::write(&path, "a\n\n b \n").unwrap();
+        assert_eq!(read().unwrap().0, ["a", "b"]);
+        std::fs::write(&path, "0001\n".repeat((LIST_BYTES / 5) as usize + 1)).unwrap();
+        assert!(read().unwrap_err().contains("16 MB"));
+        std::fs::write(&path, "\n").unwrap();
+        assert!(read().unwrap_err().contains("no view"));
+    }
 
     #[test]
     fn sources_of_masks_are_read() {

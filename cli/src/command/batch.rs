@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use recon::fit::FitConfig;
 use serde::Serialize;
+use serde_json::{Map, Value};
 use train::output::{
     LockError, OutputError, OutputFolder, disk, lock_folder, remove_within, write_within,
 };
@@ -21,6 +22,9 @@ use crate::object_list::{self, ListedObject};
 use crate::summary::{PAGE, State, Summary, TABLE, failure_file};
 use crate::truth::Truth;
 use crate::views::{around_the_object, read_views, up_axis};
+
+/// How the views of all objects are read; in the folder of the batch.
+const READING: &str = "reading.json";
 
 /// How long another process may be at the summary before this one gives up.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -78,6 +82,7 @@ pub(crate) fn run(
     interrupt.worthwhile();
     let batch = Batch { arguments, config, folder, list, interrupt };
     batch.refuse_other_settings()?;
+    batch.refuse_other_reading()?;
     let fitted = batch.fit(console, shard);
     // Of what is finished, also where the rest was stopped.
     let summary = batch.summarise(console)?;
@@ -125,6 +130,26 @@ impl Batch<'_> {
             }
         }
         Ok(())
+    }
+
+    /// The same for how views are read, which the folder keeps beside its objects.
+    fn refuse_other_reading(&self) -> Result<(), Failure> {
+        let asked = around_the_object(self.arguments);
+        // A path that is no text cannot be kept, and is not compared.
+        let Ok(asked) = serde_json::to_string_pretty(&asked) else { return Ok(()) };
+        // An earlier version did not keep it.
+        let found = std::fs::read_to_string(self.folder.join(READING)).unwrap_or_default();
+        let is_begun = self.list.iter().any(|object| self.is_done(object));
+        if let Some((key, was, is)) = first_difference(&found, &asked)
+            && is_begun
+            && !self.arguments.output.force
+        {
+            return Err(Failure::Usage(format!(
+                "{}: the views were read with `{key}` {was}, now it is {is}; choose another folder, or make all again (--force)",
+                self.folder.join(READING).display()
+            )));
+        }
+        if found == asked { Ok(()) } else { self.note(READING, asked.as_bytes()) }
     }
 
     /// Fits what is missing of a shard.
@@ -248,6 +273,16 @@ impl Batch<'_> {
         write_within(&self.folder, name, bytes)
             .map_err(|(path, error)| Failure::Other(format!("{}: {error}", path.display())))
     }
+}
+
+/// The first option that two texts of [`READING`] both have and have otherwise: its name and both values.
+fn first_difference(found: &str, asked: &str) -> Option<(String, Value, Value)> {
+    let [found, asked] = [found, asked].map(serde_json::from_str::<Map<String, Value>>);
+    let (mut found, asked) = (found.ok()?, asked.ok()?);
+    asked.into_iter().find_map(|(key, is)| {
+        let was = found.remove(&key)?;
+        (was != is).then_some((key, was, is))
+    })
 }
 
 /// Why an object was not fitted.

@@ -106,6 +106,10 @@ fn two_shards_of_which_one_was_killed_are_one_process() {
     // Other settings are not mixed into the same table.
     run(&format!("{batch} -o one --set level=3 --set steps=13"))
         .fails(2, &["one", "config.toml", "--force"]);
+    // Nor are views that were read otherwise.
+    run(&format!("{batch} -o one {TINY} --max-size 32"))
+        .fails(2, &["one", "reading.json", "`max_size` null", "32", "--force"]);
+    run(&format!("{batch} -o one {TINY} --mask alpha")).fails(2, &["`mask` \"auto\"", "alpha"]);
 }
 
 #[test]

@@ -81,6 +81,28 @@ fn masks_are_found_beside_the_views_and_fit_takes_them() {
 }
 
 #[test]
+fn masks_of_smaller_images_are_taken_and_mended_as_asked() {
+    let place = tempfile::tempdir().unwrap();
+    write_photos(&photographed(8, [96, 72]), &place.path().join("views")).unwrap();
+    let mask = |folder: &str, how: &[&str]| -> Vec<ByteImage> {
+        let run = [&["data", "mask", "views", "-q", "-o", folder][..], how].concat();
+        unsphere_with(place.path(), &run).ok();
+        let file = |k: usize| place.path().join(format!("{folder}/images/{k:04}.png"));
+        (0..8).map(|k| mesh_core::read_image(file(k)).unwrap()).collect()
+    };
+    let small = mask("small", &["--max-size", "48"]);
+    assert_eq!((small[0].width, small[0].height), (48, 36));
+    let inspect = ["data", "inspect", "views", "--json", "--masks", "small"];
+    let found = unsphere(place.path(), inspect).ok().json();
+    assert!(found["looked_at"][0]["agreement"]["hull_iou"].as_f64().unwrap() > 0.9, "{found}");
+    let wider = mask("wider", &["--max-size", "48", "--dilate-masks", "3"]);
+    let count = |masks: &[ByteImage]| -> usize {
+        masks.iter().map(|mask| mask.data.iter().filter(|&&m| m == 255).count()).sum()
+    };
+    assert!(count(&wider) * 10 > count(&small) * 12, "{} {}", count(&wider), count(&small));
+}
+
+#[test]
 fn what_cannot_be_masked_is_refused() {
     let place = tempfile::tempdir().unwrap();
     write_photos(&photographed(2, [40, 30]), &place.path().join("two")).unwrap();

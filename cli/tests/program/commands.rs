@@ -104,6 +104,18 @@ fn pictures_are_rendered_in_every_form() {
 }
 
 #[test]
+fn no_picture_takes_the_place_of_another() {
+    let place = tempfile::tempdir().unwrap();
+    mesh_core::write_mesh(place.path().join("a.ply"), &mesh_core::primitives::icosphere(1))
+        .unwrap();
+    let twice = ["render", "a.ply", "-o", "two", "--view", "3", "--view", "3"];
+    unsphere(place.path(), twice).fails(3, &["views 3 and 3", "3.png"]);
+    assert!(!place.path().join("two").exists());
+    let huge = ["render", "a.ply", "-o", "t.gif", "--size", "8192", "--frames", "30"];
+    unsphere(place.path(), huge).fails(2, &["6.0 GB", "--frames", "--size"]);
+}
+
+#[test]
 fn what_cannot_be_written_is_said_before_the_work() {
     let place = tempfile::tempdir().unwrap();
     std::fs::write(place.path().join("file"), "in the way").unwrap();

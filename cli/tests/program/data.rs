@@ -60,6 +60,28 @@ fn datasets_are_converted_inspected_and_validated() {
     assert_eq!(files_in(place.path()), before);
 }
 
+/// What is kept for tests stays so where the layout can say it, and is told where it cannot.
+#[test]
+fn views_that_are_kept_for_tests_are_not_lost_without_a_word() {
+    let place = tempfile::tempdir().unwrap();
+    as_transforms(place.path(), "nerf", |pose| pose);
+    let path = place.path().join("nerf/transforms.json");
+    let mut json: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+    json["test_filenames"] = serde_json::json!(["images/0002.png", "images/0007.png"]);
+    std::fs::write(&path, json.to_string()).unwrap();
+    let run = |to: &str, layout: &str| {
+        let line = ["data", "convert", "nerf", to, "--layout", layout, "--json"];
+        unsphere(place.path(), line).ok().json()["lost"].to_string()
+    };
+    assert_eq!(run("same", "transforms"), "[]");
+    let options = datasets::ReadOptions::default();
+    let views = datasets::read_views(&place.path().join("same"), &options, &|_, _| ()).unwrap();
+    assert_eq!(views.test, [2, 7]);
+    let lost = run("photos", "photos");
+    assert!(lost.contains("kept for tests (2 views)"), "{lost}");
+}
+
 /// World-to-camera matrices given for camera-to-world ones: on an orbit all cameras then stand at one point.
 #[test]
 fn cameras_at_one_point_are_an_error_that_says_why() {

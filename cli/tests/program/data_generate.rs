@@ -63,7 +63,7 @@ fn a_folder_of_meshes_becomes_a_dataset() {
         mesh_core::write_mesh(file, &mesh).unwrap();
     }
     std::fs::write(place.path().join("toys/chair/damaged.glb"), "none").unwrap();
-    let list = "file,split\nchair/a.ply,train\nchair/b.ply,test\ndog/rex.ply,val\nchair/damaged.glb,train\n";
+    let list = "file,split\nchair/a.ply,train\nchair/b.ply,test\ndog/rex.ply,val\nchair/damaged.glb,train\nchairs/c.ply,val\n";
     std::fs::write(place.path().join("list.csv"), list).unwrap();
     let run = |line: &str| {
         let line = format!("data generate --from toys --views 2 --size 40 {line}");
@@ -74,6 +74,7 @@ fn a_folder_of_meshes_becomes_a_dataset() {
     assert_eq!(said.json()["objects"], 3);
     let told = said.stderr();
     assert!(told.contains("damaged.glb") && told.contains("1 mesh is left out"), "{told}");
+    assert!(told.contains("1 row without a mesh") && told.contains("chairs/c.ply"), "{told}");
     let text = std::fs::read_to_string(place.path().join("set/splits.json")).unwrap();
     let splits: serde_json::Value = serde_json::from_str(&text).unwrap();
     let chair = synth::shapes::Family::Chair.synset();

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use serde_json::json;
 
 use crate::assemble::{ImageFile, assemble, check_shape, put, read_image_file};
-use crate::depth;
+use crate::depth::{self, Unit};
 use crate::error::{ReadViewsError, WriteViewsError};
 use crate::formats::json::{Node, parse};
 use crate::formats::npy;
@@ -119,7 +119,7 @@ fn read_view(
         None
     };
     let depths = ["_depth.exr", "_depth_linear.npy"].map(|end| format!("{stem}{end}"));
-    let depth = depth::read(opened, &depths, 1.0, &image.pixels, options)?;
+    let depth = depth::read(opened, &depths, Unit::OfIntegers(1.0), &image.pixels, options)?;
     assemble(stem.to_owned(), image, mask.into(), camera, depth, options)
 }
 

@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 use crate::assemble::{
     assemble, camera_of_size, put, put_images, read_image_file, without_extension,
 };
-use crate::depth;
+use crate::depth::{self, Unit};
 use crate::error::{ReadViewsError, WriteViewsError};
 use crate::formats::json::{Node, parse};
 use crate::mask_file::{mask_file, mask_names};
@@ -162,11 +162,17 @@ impl Shot {
         let image = read_image_file(opened, &self.image, "image")?;
         let field = format!("{}.width, height", self.field);
         let camera = camera_of_size(self.camera.clone(), &image, &source.locate(CAMERAS), &field)?;
-        if let [mask] = self.masks.as_slice() {
+        if let ([mask], true) = (self.masks.as_slice(), options.reads_mask_files()) {
             source.need(mask, || format!("field `{}.mask` of {CAMERAS} names it", self.field))?;
         }
         let mask = mask_file(opened, &self.masks, options)?;
-        let depth = depth::read(opened, self.depth.as_slice(), 1.0, &image.pixels, options)?;
+        let depth = depth::read(
+            opened,
+            self.depth.as_slice(),
+            Unit::OfIntegers(1.0),
+            &image.pixels,
+            options,
+        )?;
         let name = without_extension(&self.image).to_owned();
         assemble(name, image, mask, camera, depth, options)
     }

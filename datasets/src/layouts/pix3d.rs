@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use mesh_core::{Camera, VoxelGrid};
 
 use crate::assemble::{assemble, read_image_file};
+use crate::content::over;
 use crate::dataset::{Catalog, Dataset, Entry, Subset, Truth};
 use crate::error::ReadViewsError;
 use crate::formats::json::{Node, parse};
@@ -289,6 +290,9 @@ impl Pix3d {
         if array.len() == 0 || [a, b, c].iter().any(|&n| n > VOXEL_SIDE) {
             return Err(node.wrong(format!("1 to {VOXEL_SIDE} cells along each axis")));
         }
+        // The file's values may be bits, and deflated: a cell of the grid takes a byte.
+        let taken = bytes.budget().take((a * b * c) as u64);
+        taken.map_err(|limit| over(&file, "voxel", limit))?;
         // The file's axes are left, outward, up; the model's left, up, inward.
         let dims = [a, c, b];
         let occupied = |[x, y, z]: [usize; 3]| array.at((y * b + (b - 1 - z)) * a + x) > 0.0;

@@ -11,6 +11,7 @@
 //! `visualize/` or beside the file. Masks are those of `mask/` or `masks/` with the images' stems or, where
 //! there are as many as images, in the same order.
 
+use std::collections::BTreeMap;
 use std::io::{Cursor, Read};
 use std::path::Path;
 
@@ -139,8 +140,11 @@ fn first_images(source: &Source, folders: &[&str]) -> Result<Vec<String>, ReadVi
 /// For each image the masks that may be its own.
 fn masks(source: &Source, images: &[String]) -> Result<Vec<Vec<String>>, ReadViewsError> {
     let found = first_images(source, &MASKS)?;
-    let same = |image: &String| found.iter().find(|mask| plain_stem(mask) == plain_stem(image));
-    let by_name: Vec<Option<&String>> = images.iter().map(same).collect();
+    // The first of a name is taken: the last that is put in.
+    let by_stem: BTreeMap<&str, &String> =
+        found.iter().rev().map(|mask| (plain_stem(mask), mask)).collect();
+    let by_name: Vec<Option<&String>> =
+        images.iter().map(|image| by_stem.get(plain_stem(image)).copied()).collect();
     let in_order = by_name.iter().all(Option::is_none) && found.len() == images.len();
     let of = |k: usize| if in_order { found.get(k) } else { by_name[k] };
     Ok((0..images.len()).map(|k| of(k).into_iter().cloned().collect()).collect())

@@ -1,6 +1,6 @@
 //! NeRF's and nerfstudio's `transforms.json`.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use mesh_core::{Camera, Distortion, Lens};
@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use crate::assemble::{ImageFile, assemble, camera_of_size, put, put_images, read_image_file};
 use crate::counted::counted_are;
 use crate::dataset::Subset;
-use crate::depth;
+use crate::depth::{self, Unit};
 use crate::error::{ReadViewsError, WriteViewsError};
 use crate::formats::json::{Node, parse};
 use crate::mask_file::{mask_file, mask_names, named_mask};
@@ -50,6 +50,7 @@ pub(crate) fn list<'a>(
         let path = source.locate(file);
         let value = parse(&opened.read(file, "poses", JSON_BYTES)?, &path)?;
         let root = Node::root(&value, &path);
+        reading.warnings.extend(applied(&root));
         let parts = Parts::new(&root, file, files)?;
         for node in root.need("frames")?.elements()? {
             let frame = Frame::new(&root, &node)?;
@@ -78,6 +79,30 @@ pub(crate) fn list<'a>(
         reading.warnings.push(format!("{count} left out: others are kept for tests"));
     }
     Ok(reading)
+}
+
+/// What is said of a world that nerfstudio turned and scaled, against that of the model it made the poses from.
+fn applied(root: &Node<'_>) -> Option<String> {
+    let same = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
+    // What is no matrix is nothing that poses were multiplied with; they are read in any case.
+    let turned = root
+        .get("applied_transform")
+        .and_then(|node| node.matrix().ok())
+        .is_some_and(|matrix| matrix[..3] != same);
+    let scaled = root.get("applied_scale").and_then(|node| node.number().ok());
+    let fields = [
+        turned.then_some("applied_transform"),
+        scaled.filter(|scale| *scale != 1.0).map(|_| "applied_scale"),
+    ];
+    let fields: Vec<&str> = fields.into_iter().flatten().collect();
+    (!fields.is_empty()).then(|| {
+        format!(
+            "{}: its poses have been moved by {}: a mesh lies in the world of this file and not in that of the COLMAP \
+             model that it was made from; to lay it over that, apply the inverse",
+            root.file().display(),
+            fields.join(" and ")
+        )
+    })
 }
 
 /// Which frames are for what, by the names of files or by nerfstudio's lists.
@@ -138,8 +163,8 @@ struct Frame {
     image: String,
     mask: Option<String>,
     depth: Option<String>,
-    /// What a whole number of a depth PNG stands for.
-    depth_unit: f64,
+    /// What a number of the depth file stands for, where that is said.
+    depth_unit: Option<f64>,
     pose: [[f64; 4]; 4],
     focal: Focal,
     principal: [Option<f64>; 2],
@@ -153,8 +178,52 @@ struct Frame {
 enum Focal {
     /// Pixels along x, and along y where it differs.
     Pixels(f64, Option<f64>),
-    /// Full angles of view: along x, and along y where it is given.
+    /// Full angles of view, radians: along x, and along y where it differs.
     Angle(f64, Option<f64>),
+    /// The one along y alone.
+    AngleY(f64),
+}
+
+impl Focal {
+    fn of<'n>(
+        field: &impl Fn(&str) -> Option<Node<'n>>,
+        frame: &Node<'_>,
+    ) -> Result<Self, ReadViewsError> {
+        let positive = |key: &str| field(key).map(|node| node.positive()).transpose();
+        let angle = |key: &str| -> Result<Option<f64>, ReadViewsError> {
+            let Some(node) = field(key) else { return Ok(None) };
+            let angle = node.positive()?;
+            if angle < std::f64::consts::PI {
+                Ok(Some(angle))
+            } else {
+                Err(node.wrong("an angle in radians, below pi"))
+            }
+        };
+        if let Some(fx) = positive("fl_x")? {
+            return Ok(Self::Pixels(fx, positive("fl_y")?));
+        }
+        match (angle("camera_angle_x")?, angle("camera_angle_y")?) {
+            (Some(x), y) => Ok(Self::Angle(x, y)),
+            (None, Some(y)) => Ok(Self::AngleY(y)),
+            (None, None) => Err(ReadViewsError::field(
+                frame.file(),
+                format!("{}.fl_x", frame.field),
+                "nothing, also not at the top level",
+                "fl_x in pixels, or camera_angle_x or camera_angle_y in radians",
+            )),
+        }
+    }
+
+    /// Focal lengths along x and y, in pixels of an image of `[w, h]`.
+    fn pixels(self, [w, h]: [usize; 2]) -> (f64, f64) {
+        let focal = |size: usize, angle: f64| size as f64 / (2.0 * (angle / 2.0).tan());
+        match self {
+            Self::Pixels(fx, fy) => (fx, fy.unwrap_or(fx)),
+            Self::Angle(x, y) => (focal(w, x), y.map_or_else(|| focal(w, x), |y| focal(h, y))),
+            // Pixels are taken for square.
+            Self::AngleY(y) => (focal(h, y), focal(h, y)),
+        }
+    }
 }
 
 /// How a frame's lens bends rays, by nerfstudio's fields or instant-ngp's.
@@ -192,30 +261,8 @@ impl Frame {
         // A frame's own value wins over that of the whole file.
         let field = |key: &str| frame.get(key).or_else(|| root.get(key));
         let distortion = distortion(&field)?;
+        let focal = Focal::of(&field, frame)?;
         let positive = |key: &str| field(key).map(|node| node.positive()).transpose();
-        let angle = |key: &str| -> Result<Option<f64>, ReadViewsError> {
-            let Some(node) = field(key) else { return Ok(None) };
-            let angle = node.positive()?;
-            if angle < std::f64::consts::PI {
-                Ok(Some(angle))
-            } else {
-                Err(node.wrong("an angle in radians, below pi"))
-            }
-        };
-        let focal = match (positive("fl_x")?, angle("camera_angle_x")?) {
-            (Some(fx), _) => Focal::Pixels(fx, positive("fl_y")?),
-            (None, Some(x)) => Focal::Angle(x, angle("camera_angle_y")?),
-            (None, None) => {
-                let expected = "fl_x in pixels or camera_angle_x in radians";
-                let field = format!("{}.fl_x", frame.field);
-                return Err(ReadViewsError::field(
-                    root.file(),
-                    field,
-                    "nothing, also not at the top level",
-                    expected,
-                ));
-            }
-        };
         let number = |key: &str| field(key).map(|node| node.number()).transpose();
         let pixels = |key: &str| field(key).map(|node| node.pixels()).transpose();
         let text = |key: &str| -> Result<Option<String>, ReadViewsError> {
@@ -233,8 +280,7 @@ impl Frame {
             name: name.to_owned(),
             mask: text("mask_path")?,
             depth: text("depth_file_path")?,
-            // nerfstudio's default: millimetres.
-            depth_unit: positive("depth_unit_scale_factor")?.unwrap_or(1e-3),
+            depth_unit: positive("depth_unit_scale_factor")?,
             pose: frame.need("transform_matrix")?.matrix()?,
             focal,
             principal: [number("cx")?, number("cy")?],
@@ -274,8 +320,12 @@ impl Frame {
             }
             _ => mask_file(opened, &mask_names("masks", &self.image), options)?,
         };
-        let depth =
-            depth::read(opened, self.depth.as_slice(), self.depth_unit, &image.pixels, options)?;
+        let unit = match self.depth_unit {
+            Some(unit) => Unit::OfAll(unit),
+            // nerfstudio's default, millimetres, where numbers are whole; others are what they say.
+            None => Unit::OfIntegers(1e-3),
+        };
+        let depth = depth::read(opened, self.depth.as_slice(), unit, &image.pixels, options)?;
         let view = assemble(self.name.clone(), image, mask, camera, depth, options)?;
         let field = format!("{}: k1, k2, ..", self.field);
         straightened(view, self.distortion.as_ref(), options, (&self.file, &field))
@@ -285,13 +335,7 @@ impl Frame {
     fn camera(&self, image: &ImageFile) -> Result<Camera, ReadViewsError> {
         let w = self.size[0].unwrap_or(image.pixels.width);
         let h = self.size[1].unwrap_or(image.pixels.height);
-        let (fx, fy) = match self.focal {
-            Focal::Pixels(fx, fy) => (fx, fy.unwrap_or(fx)),
-            Focal::Angle(x, y) => {
-                let focal = |size: usize, angle: f64| size as f64 / (2.0 * (angle / 2.0).tan());
-                (focal(w, x), y.map_or_else(|| focal(w, x), |y| focal(h, y)))
-            }
-        };
+        let (fx, fy) = self.focal.pixels([w, h]);
         let cx = self.principal[0].unwrap_or(w as f64 / 2.0);
         let cy = self.principal[1].unwrap_or(h as f64 / 2.0);
         let camera = Camera::from_opengl(self.pose, fx, fy, cx, cy, w, h);
@@ -302,14 +346,29 @@ impl Frame {
     }
 }
 
-/// Writes views as a `transforms.json` with `images/` and `masks/` beside it.
+/// Writes views as a `transforms.json` with `images/` and `masks/` beside it; see [`write_transforms_split`], of which
+/// these views have none.
+///
+/// # Errors
+/// If a file cannot be written, or a camera has parallel rays, which the layout cannot say.
+pub fn write_transforms(views: &[View], folder: &Path) -> Result<(), WriteViewsError> {
+    write_transforms_split(views, &[], folder)
+}
+
+/// Writes views as a `transforms.json` with `images/` and `masks/` beside it, and which of them are kept for tests: `test` has
+/// their places in `views`, as [`Views::test`](crate::Views::test). They are nerfstudio's `test_filenames`, and its
+/// `val_filenames`, without which it refuses the file; the rest are its `train_filenames`. Without any there are no lists.
 ///
 /// The folder is made where it does not exist; files of the same name are replaced, each
 /// atomically, the JSON last. Every frame carries its own intrinsics.
 ///
 /// # Errors
 /// If a file cannot be written, or a camera has parallel rays, which the layout cannot say.
-pub fn write_transforms(views: &[View], folder: &Path) -> Result<(), WriteViewsError> {
+pub fn write_transforms_split(
+    views: &[View],
+    test: &[usize],
+    folder: &Path,
+) -> Result<(), WriteViewsError> {
     let frames: Vec<Result<Value, WriteViewsError>> = views
         .par_iter()
         .enumerate()
@@ -333,6 +392,17 @@ pub fn write_transforms(views: &[View], folder: &Path) -> Result<(), WriteViewsE
         })
         .collect();
     let frames = frames.into_iter().collect::<Result<Vec<_>, _>>()?;
-    let text = json!({ "camera_model": "PINHOLE", "frames": frames }).to_string();
-    put(&folder.join(WHOLE), text.as_bytes())
+    let kept: BTreeSet<usize> = test.iter().copied().collect();
+    let names = |of_test: bool| -> Vec<Value> {
+        let frames = frames.iter().enumerate().filter(|(i, _)| kept.contains(i) == of_test);
+        frames.map(|(_, frame)| frame["file_path"].clone()).collect()
+    };
+    let mut root = json!({ "camera_model": "PINHOLE" });
+    if !test.is_empty() {
+        root["train_filenames"] = names(false).into();
+        root["val_filenames"] = names(true).into();
+        root["test_filenames"] = names(true).into();
+    }
+    root["frames"] = frames.into();
+    put(&folder.join(WHOLE), root.to_string().as_bytes())
 }

@@ -3,7 +3,7 @@
 use mesh_core::{ByteImage, Camera};
 use rayon::prelude::*;
 
-use super::dissent::{Dissent, NOWHERE, Silhouette};
+use super::dissent::{Dissent, MOST, NOWHERE, Silhouette};
 use super::region::Region;
 use super::{LEAST, SegmentError};
 use crate::mask::{fill_holes, keep_largest_part};
@@ -58,7 +58,7 @@ pub fn agree(views: &mut [View]) -> Result<Agreement, SegmentError> {
         return Err(SegmentError::NoObject);
     }
     let region = Region::around_masks(&seen).ok_or(SegmentError::NoRegion)?;
-    let tolerance = ((TOLERANCE * views.len() as f64) as usize).clamp(1, 250) as u8;
+    let tolerance = ((TOLERANCE * views.len() as f64) as usize).clamp(1, usize::from(MOST)) as u16;
     let mut sum = Agreement::default();
     for _ in 0..ROUNDS {
         let small: Vec<Silhouette> = views.par_iter().map(small).collect();
@@ -95,7 +95,7 @@ pub(super) struct Correction {
 pub(super) fn corrections(
     views: &[Silhouette],
     dissent: &Dissent,
-    tolerance: u8,
+    tolerance: u16,
 ) -> Vec<Correction> {
     let covered: Vec<Vec<bool>> =
         views.par_iter().map(|view| covered(view, dissent, tolerance)).collect();
@@ -126,11 +126,11 @@ pub(super) fn corrections(
 }
 
 /// The pixels that the others' hull covers.
-fn covered(view: &Silhouette, dissent: &Dissent, tolerance: u8) -> Vec<bool> {
+fn covered(view: &Silhouette, dissent: &Dissent, tolerance: u16) -> Vec<bool> {
     let grown = view.mask.dilated();
     let seen = dissent.seen_by(&view.camera);
     let allowed =
-        |(n, own): (u8, &bool)| n != NOWHERE && n.saturating_sub(u8::from(!own)) <= tolerance;
+        |(n, own): (u16, &bool)| n != NOWHERE && n.saturating_sub(u16::from(!own)) <= tolerance;
     seen.into_iter().zip(&grown.data).map(allowed).collect()
 }
 

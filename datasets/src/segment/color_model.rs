@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use super::agreement::corrections;
 use super::cut::Graph;
-use super::dissent::{Dissent, NOWHERE, Silhouette};
+use super::dissent::{Dissent, MOST, NOWHERE, Silhouette};
 use super::palette::{Palette, cell, lab};
 use super::region::Region;
 use super::{LEAST, SegmentError};
@@ -115,10 +115,10 @@ fn volume(region: &Region) -> f64 {
 }
 
 /// How many views may speak against a pixel of the object.
-fn tolerance(round: usize, views: usize) -> u8 {
+fn tolerance(round: usize, views: usize) -> u16 {
     let share = (2.0 * round as f64 / ROUNDS as f64).min(1.0);
     let share = TOLERANCE[0] + (TOLERANCE[1] - TOLERANCE[0]) * share;
-    ((share * views as f64).floor().max(1.0) as usize).min(usize::from(NOWHERE) - 1) as u8
+    ((share * views as f64) as usize).clamp(1, usize::from(MOST)) as u16
 }
 
 /// One view while the object is looked for.
@@ -129,7 +129,7 @@ struct Look {
     /// Whether a pixel belongs to the image at all.
     valid: Vec<bool>,
     /// How many other views speak against every place that a pixel may show.
-    others: Vec<u8>,
+    others: Vec<u16>,
     /// Whether the object may be there, by the region.
     possible: Vec<bool>,
 }
@@ -220,9 +220,9 @@ impl Look {
     fn hear(&mut self, dissent: &Dissent) {
         let seen = dissent.seen_by(&self.silhouette.camera);
         let grown = self.silhouette.mask.dilated().data;
-        let without_own = |(n, own): (u8, &bool)| match n {
+        let without_own = |(n, own): (u16, &bool)| match n {
             NOWHERE => NOWHERE,
-            n => n.saturating_sub(u8::from(!own)),
+            n => n.saturating_sub(u16::from(!own)),
         };
         self.others = seen.into_iter().zip(&grown).map(without_own).collect();
     }
@@ -249,7 +249,7 @@ impl Look {
     /// Parts object and background where it costs the least.
     ///
     /// Where `known` says something the pixel is not asked; with `fill` it counts that all others allow the object.
-    fn cut(&mut self, judged: &[f32], tolerance: u8, fill: bool, known: Option<&[Option<bool>]>) {
+    fn cut(&mut self, judged: &[f32], tolerance: u16, fill: bool, known: Option<&[Option<bool>]>) {
         let width = self.silhouette.camera.width;
         let state = |at: usize| match known {
             Some(known) => known[at],

@@ -10,7 +10,9 @@ use rayon::prelude::*;
 use super::region::Region;
 
 /// No part of the object, whatever masks say.
-pub(super) const NOWHERE: u8 = u8::MAX;
+pub(super) const NOWHERE: u16 = u16::MAX;
+/// As many views as may be wrong at most: more are counted than that, or it would be all of them.
+pub(super) const MOST: u16 = NOWHERE - 2;
 /// Steps along a ray for each cell that it crosses.
 const STEPS: f64 = 1.5;
 
@@ -27,7 +29,7 @@ pub(super) struct Dissent {
     dims: [usize; 3],
     low: [f64; 3],
     cell: f64,
-    against: Vec<u8>,
+    against: Vec<u16>,
 }
 
 impl Dissent {
@@ -61,7 +63,7 @@ impl Dissent {
                     }
                 }
                 if 2 * seen >= views.len() {
-                    *out = beside.min(usize::from(NOWHERE) - 1) as u8;
+                    *out = beside.min(usize::from(NOWHERE) - 1) as u16;
                 }
             }
         });
@@ -69,7 +71,7 @@ impl Dissent {
     }
 
     /// The box around all cells that at most so many views speak against, with a tenth to spare on each side.
-    pub(super) fn bounds(&self, tolerance: u8) -> Option<Region> {
+    pub(super) fn bounds(&self, tolerance: u16) -> Option<Region> {
         let mut bounds: Option<([usize; 3], [usize; 3])> = None;
         for (k, _) in self.against.iter().enumerate().filter(|(_, n)| **n <= tolerance) {
             let at = [
@@ -92,7 +94,7 @@ impl Dissent {
     }
 
     /// For each pixel of a camera's image the fewest views against any place on its ray; [`NOWHERE`] beside the region.
-    pub(super) fn seen_by(&self, camera: &Camera) -> Vec<u8> {
+    pub(super) fn seen_by(&self, camera: &Camera) -> Vec<u16> {
         let width = camera.width;
         let mut image = vec![NOWHERE; camera.height * width];
         image.par_chunks_mut(width).enumerate().for_each(|(i, row)| {
@@ -103,7 +105,7 @@ impl Dissent {
         image
     }
 
-    fn along(&self, camera: &Camera, [column, row]: [f64; 2]) -> u8 {
+    fn along(&self, camera: &Camera, [column, row]: [f64; 2]) -> u16 {
         let ray = camera.ray(column, row);
         let (mut near, mut far) = (f64::NEG_INFINITY, f64::INFINITY);
         if camera.is_perspective() {
@@ -189,7 +191,7 @@ mod tests {
         let dissent = Dissent::count(&views, &region, 48);
         let seen = dissent.seen_by(&views[0].camera);
         let dent: Vec<usize> = (0..60 * 50).filter(|k| k % 60 <= 20 && k / 60 == 25).collect();
-        let hidden: Vec<u8> = dent.iter().map(|&k| seen[k]).filter(|&n| n <= 1).collect();
+        let hidden: Vec<u16> = dent.iter().map(|&k| seen[k]).filter(|&n| n <= 1).collect();
         // The disc reaches from column 15 to 45; what view 0 misses of it only view 0 is against.
         assert!((4..=7).contains(&hidden.len()) && hidden.iter().all(|&n| n == 1), "{hidden:?}");
         for (k, &n) in seen.iter().enumerate() {
@@ -199,5 +201,16 @@ mod tests {
         let bounds = dissent.bounds(1).unwrap();
         assert!(bounds.half.iter().all(|h| (0.75..1.0).contains(h)), "{bounds:?}");
         assert!(Dissent::count(&views, &region, 8).bounds(0).is_some());
+    }
+
+    /// A count of 8 bits ended at 254, and a quarter of so many views was all of them.
+    #[test]
+    fn so_many_views_are_counted_as_there_are() {
+        let views: Vec<Silhouette> = views(10).into_iter().cycle().take(2000).collect();
+        let region = Region { center: [0.0; 3], half: [1.1; 3], round: true };
+        let dissent = Dissent::count(&views, &region, 16);
+        let most = dissent.against.iter().filter(|n| **n != NOWHERE).max().unwrap();
+        assert_eq!(*most, 2000);
+        assert!(dissent.against.iter().any(|n| (501..NOWHERE).contains(n)));
     }
 }

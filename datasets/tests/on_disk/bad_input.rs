@@ -63,9 +63,9 @@ fn a_mask_of_another_size_is_named() {
     });
     assert_names(&error, &["3_semantic.npy", "mask shape", "15, 20", "30, 40"]);
     let folder = transforms_folder(2);
-    write_png(folder.path().join("masks/0001.png"), &ByteImage::new(7, 9, 1)).unwrap();
+    write_png(folder.path().join("masks/0001.png"), &ByteImage::new(9, 7, 1)).unwrap();
     let error = read(folder.path()).unwrap_err();
-    assert_names(&error, &["masks/0001.png", "mask size", "9x7", "40x30"]);
+    assert_names(&error, &["masks/0001.png", "mask size", "7x9", "40x30"]);
 }
 
 #[test]

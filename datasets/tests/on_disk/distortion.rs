@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use datasets::{OnInconsistent, ReadOptions, View, Views, read_views};
+use datasets::{MaskSource, OnInconsistent, ReadOptions, View, Views, read_views};
 use mesh_core::{ByteImage, Camera, DepthMap, Distortion, Lens, encode_depth, write_png};
 use serde_json::json;
 
@@ -171,6 +171,45 @@ fn every_model_of_colmap() {
         let views = read(folder.path(), false);
         assert!(views.warnings[0].contains(model), "{:?}", views.warnings);
         compare(&views.views[0], false);
+    }
+}
+
+/// At its corners a lens of such barrels shows what it has shown farther in: no ray leads there.
+#[test]
+fn corners_that_no_ray_leads_to_are_no_part_of_an_object() {
+    let folder = tempfile::tempdir().unwrap();
+    let [width, height] = SIZE;
+    write(folder.path(), &ByteImage::new(height, width, 4));
+    let put = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    put("cameras.txt", "1 SIMPLE_RADIAL 160 120 112 80 60 -0.25\n");
+    put("images.txt", "1 1 0 0 0 0 0 0 1 0.png\n\n");
+    put("points3D.txt", "");
+    let options = |mask: MaskSource| ReadOptions {
+        mask,
+        on_inconsistent: OnInconsistent::Accept,
+        ..ReadOptions::default()
+    };
+    let views = read_views(folder.path(), &options(MaskSource::Whole), &|_, _| {}).unwrap();
+    let view = &views.views[0];
+    // The middle is as it was, and what the lens does not show is no part of the image.
+    let [h, w] = [view.mask.height, view.mask.width];
+    assert!(view.mask.data[h / 2 * w + w / 2] == 255 && view.mask.data[0] == 0);
+    assert!(w >= width && h >= height);
+    // A model of colours then has too few views, not a lens that cannot be followed.
+    let error =
+        read_views(folder.path(), &options(MaskSource::ColorModel), &|_, _| {}).unwrap_err();
+    assert!(error.to_string().contains("3"), "{error}");
+    // An object in the corner cannot be followed, as before.
+    let mut mask = ByteImage::new(height, width, 1);
+    mask.data[..4].fill(255);
+    write_png(folder.path().join("masks/0.png"), &mask).unwrap();
+    let error = read_views(folder.path(), &options(MaskSource::Files), &|_, _| {}).unwrap_err();
+    assert!(error.to_string().contains("off the axis"), "{error}");
+    // However the frame grows, nothing is larger than it may be.
+    for longest in [100, 160] {
+        let options = ReadOptions { max_size: Some(longest), ..options(MaskSource::Whole) };
+        let views = read_views(folder.path(), &options, &|_, _| {}).unwrap();
+        assert_eq!(views.views[0].camera.width.max(views.views[0].camera.height), longest);
     }
 }
 

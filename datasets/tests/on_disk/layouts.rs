@@ -63,6 +63,63 @@ fn transforms_round_trip_off_center_and_with_unequal_focal_lengths() {
     assert!(error.contains("0_metadata.json") && error.contains("kaolin"), "{error}");
 }
 
+#[test]
+fn views_that_are_kept_for_tests_stay_so_when_they_are_written() {
+    let folder = tempfile::tempdir().unwrap();
+    datasets::write_transforms_split(&ball(5), &[1, 4], folder.path()).unwrap();
+    let views = read(folder.path()).unwrap();
+    assert_eq!((views.len(), &views.test[..]), (5, &[1, 4][..]));
+    // nerfstudio refuses a file that has some of its three lists and not all.
+    let text = std::fs::read(folder.path().join("transforms.json")).unwrap();
+    let value: Value = serde_json::from_slice(&text).unwrap();
+    assert_eq!(value["val_filenames"], json!(["images/0001.png", "images/0004.png"]));
+    assert_eq!(value["train_filenames"].as_array().unwrap().len(), 3);
+    datasets::write_transforms(&ball(5), folder.path()).unwrap();
+    assert!(read(folder.path()).unwrap().test.is_empty());
+}
+
+#[test]
+fn one_angle_of_view_is_enough() {
+    let folder = transforms_folder(2);
+    let json = folder.path().join("transforms.json");
+    let known = read(&json).unwrap();
+    let angles = known.views[0].camera.fov().unwrap();
+    for (k, key) in ["camera_angle_x", "camera_angle_y"].into_iter().enumerate() {
+        edit_json(&json, |value| {
+            let other = ["camera_angle_y", "camera_angle_x"][k];
+            value.as_object_mut().unwrap().remove(other);
+            value[key] = json!(angles[k]);
+            for frame in value["frames"].as_array_mut().unwrap() {
+                frame.as_object_mut().unwrap().remove("fl_x");
+                frame.as_object_mut().unwrap().remove("fl_y");
+            }
+        });
+        for (view, known) in read(&json).unwrap().views.iter().zip(&known.views) {
+            let [a, b] = [view, known].map(|view| view.camera.fov().unwrap());
+            assert!((a[0] - b[0]).abs() + (a[1] - b[1]).abs() < 1e-9, "{key}: {a:?} {b:?}");
+        }
+    }
+}
+
+#[test]
+fn a_world_that_nerfstudio_turned_is_said_to_be_another() {
+    let folder = transforms_folder(2);
+    let json = folder.path().join("transforms.json");
+    let known = read(&json).unwrap();
+    edit_json(&json, |value| {
+        value["applied_transform"] = json!([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]]);
+        value["applied_scale"] = json!(1.0);
+    });
+    assert!(read(&json).unwrap().warnings.is_empty());
+    edit_json(&json, |value| {
+        value["applied_transform"] = json!([[0, 1, 0, 0], [1, 0, 0, 0], [0, 0, -1, 0]]);
+    });
+    let views = read(&json).unwrap();
+    assert!(views.views == known.views);
+    let said = &views.warnings[0];
+    assert!(said.contains("applied_transform: a mesh") && said.contains("COLMAP"), "{said}");
+}
+
 /// NeRF-synthetic: RGBA without extensions, one angle, three files of a split.
 #[test]
 fn the_layout_of_nerf_is_read_with_whatever_splits_there_are() {

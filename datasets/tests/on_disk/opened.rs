@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use crate::common::{ball, edit_json, read};
 use datasets::{
-    Bop, Colmap, ColmapForm, Dataset, Layout, ReadOptions, Subset, Turntable, View, open,
-    open_with, read_views, write_colmap, write_photos,
+    Bop, Colmap, ColmapForm, Dataset, Layout, MaskSource, ReadOptions, Subset, Turntable, View,
+    open, open_with, read_views, write_colmap, write_photos,
 };
 use mesh_core::{ByteImage, Camera, Lens, primitives, write_mesh, write_png};
 use serde_json::json;
@@ -85,6 +85,22 @@ fn photographs_round_trip_with_either_lens() {
     assert!(error.contains("0004.png") && error.contains("mask"), "{error}");
     edit_json(&folder.path().join("cameras.json"), |v| v["version"] = json!(2));
     assert_eq!(read(folder.path()).unwrap_err().field_name(), Some("version"));
+}
+
+#[test]
+fn photographs_need_no_masks_where_none_of_their_files_are_wanted() {
+    let folder = tempfile::tempdir().unwrap();
+    write_photos(&off_center(3), folder.path()).unwrap();
+    std::fs::remove_dir_all(folder.path().join("masks")).unwrap();
+    let with = |mask: MaskSource| {
+        let options = ReadOptions { mask, ..ReadOptions::default() };
+        read_views(folder.path(), &options, &|_, _| {})
+    };
+    assert_eq!(with(MaskSource::Whole).unwrap().len(), 3);
+    let backdrop = MaskSource::Backdrop { color: Some([0; 3]), tolerance: 12 };
+    assert_eq!(with(backdrop).unwrap().views[1].mask, ball(3)[1].mask);
+    let error = with(MaskSource::Files).unwrap_err().to_string();
+    assert!(error.contains("masks/0000.png") && error.contains("`views[0].mask`"), "{error}");
 }
 
 #[test]

@@ -7,7 +7,7 @@ use datasets::{
     CameraAxes, ColmapForm, MaskSource, PoseDirection, ReadOptions, View, ViewsProblem, read_views,
     write_colmap,
 };
-use mesh_core::{ByteImage, Camera, write_png};
+use mesh_core::{Camera, write_png};
 use serde_json::json;
 
 fn read_with(
@@ -299,7 +299,24 @@ fn depth_in_whole_millimetres_is_read() {
         value["depth_unit_scale_factor"] = json!(0.01);
     });
     assert!((read_depth().data[2] - 15.02).abs() < 1e-5);
-    let _ = ByteImage::default();
+    // What is said of the unit holds for an array as well; without it the numbers are lengths.
+    let header = format!(
+        "{{'descr': '<f4', 'fortran_order': False, 'shape': ({}, {}), }}",
+        size.height, size.width
+    );
+    let mut bytes = b"\x93NUMPY\x01\0".to_vec();
+    bytes.extend((header.len() as u16).to_le_bytes());
+    bytes.extend(header.bytes());
+    bytes.extend((0..size.data.len()).flat_map(|k| (1500.0 + k as f32).to_le_bytes()));
+    std::fs::write(folder.path().join("d.npy"), bytes).unwrap();
+    edit_json(&folder.path().join("transforms.json"), |value| {
+        value["frames"][0]["depth_file_path"] = json!("d.npy");
+    });
+    assert!((read_depth().data[2] - 15.02).abs() < 1e-5);
+    edit_json(&folder.path().join("transforms.json"), |value| {
+        value.as_object_mut().unwrap().remove("depth_unit_scale_factor");
+    });
+    assert_eq!(read_depth().data[2], 1502.0);
 }
 
 #[test]
@@ -319,6 +336,49 @@ fn only_the_views_that_are_named_are_read() {
     let unknown = read_with(folder.path(), &only(&["0000", "9.png"])).unwrap_err();
     assert!(unknown.to_string().contains("none called 9.png"), "{unknown}");
     assert!(read_with(folder.path(), &only(&["0001.png"])).is_err());
+}
+
+#[test]
+fn of_two_folders_with_the_same_names_one_can_be_named() {
+    let folder = transforms_folder(4);
+    edit_json(&folder.path().join("transforms.json"), |value| {
+        for (i, side) in ["left", "left", "right", "right"].into_iter().enumerate() {
+            let new = format!("{side}/{:04}.png", i % 2);
+            std::fs::create_dir_all(folder.path().join(side)).unwrap();
+            std::fs::rename(
+                folder.path().join(format!("images/{i:04}.png")),
+                folder.path().join(&new),
+            )
+            .unwrap();
+            value["frames"][i]["file_path"] = json!(new);
+        }
+    });
+    let named = |names: &[&str]| {
+        let only = Some(names.iter().map(|&name| name.to_owned()).collect());
+        let views = read_with(folder.path(), &ReadOptions { only, ..ReadOptions::default() });
+        views.map(|views| views.views.into_iter().map(|view| view.name).collect::<Vec<_>>())
+    };
+    assert_eq!(named(&["left/0001"]).unwrap(), ["left/0001"]);
+    assert_eq!(named(&["0001.png"]).unwrap(), ["left/0001", "right/0001"]);
+    let unknown = named(&["left/0001", "up/0001"]).unwrap_err().to_string();
+    assert!(unknown.contains("none called up/0001"), "{unknown}");
+}
+
+#[test]
+fn masks_of_smaller_and_of_larger_copies_are_brought_to_the_image() {
+    let [folder, masks] = with_masks_apart(3, |i| format!("{i:04}.png"));
+    let options = ReadOptions { masks: Some(masks.path().into()), ..ReadOptions::default() };
+    for (size, most) in [([15, 20], 60), ([60, 80], 0)] {
+        for (i, view) in ball(3).iter().enumerate() {
+            let mask = view.mask.resized(size[0], size[1]);
+            write_png(masks.path().join(format!("{i:04}.png")), &mask).unwrap();
+        }
+        for (read, made) in read_with(folder.path(), &options).unwrap().views.iter().zip(ball(3)) {
+            let off = read.mask.data.iter().zip(&made.mask.data).filter(|(a, b)| a != b).count();
+            assert!(off <= most && read.mask_pixels() > 200, "{off}");
+            assert!(read.mask.data.iter().all(|&m| m == 0 || m == 255));
+        }
+    }
 }
 
 #[test]

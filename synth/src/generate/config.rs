@@ -6,6 +6,9 @@ use train::settings::{LARGEST, Options as _};
 use crate::shapes::Family;
 use crate::{Lighting, Monocular, NormalSpace, PoseNoise, RenderOptions};
 
+/// What the images of an object may take.
+const MOST_BYTES: u64 = 16_000_000_000;
+
 /// The configuration, in the root of the dataset.
 pub(super) const MANIFEST: &str = "dataset.toml";
 
@@ -128,10 +131,29 @@ impl GenerateConfig {
                 format!("{found} a finite direction that is not zero"),
             );
         }
+        let bytes = self.bytes_of_an_object();
+        let images = format!("the images of one object take {} GB", bytes / 1_000_000_000);
+        expect(
+            bytes <= MOST_BYTES,
+            format!(
+                "`views`, `width`, `height`: {images} of memory, expected at most 16: fewer views, or smaller ones"
+            ),
+        );
         for text in self.monocular.iter().flat_map(Monocular::check) {
             wrong.push(format!("`monocular`: {text}"));
         }
         wrong
+    }
+
+    /// What all images of an object take, which are held together until they are written.
+    fn bytes_of_an_object(&self) -> u64 {
+        let options = self.render_options();
+        let kept =
+            [(true, 4), (options.depth, 4), (options.alpha, 4), (options.normals.is_some(), 12)];
+        let a_pixel: u64 = kept.into_iter().filter(|(is_kept, _)| *is_kept).map(|(_, n)| n).sum();
+        // Values out of their range are told by themselves.
+        let sides = [self.views, self.width, self.height].map(|n| n as u64);
+        sides.into_iter().fold(a_pixel, u64::saturating_mul)
     }
 
     /// How images are drawn.
@@ -204,5 +226,21 @@ mod tests {
         assert_eq!(wrong.len(), names.len(), "{wrong:?}");
         let named = |(text, name): (&String, &str)| text.starts_with(&format!("`{name}`"));
         assert!(wrong.iter().zip(names).all(named), "{wrong:?}");
+    }
+
+    #[test]
+    fn what_would_take_all_memory_is_refused() {
+        let large = |views| GenerateConfig {
+            views,
+            width: 8192,
+            height: 8192,
+            ..GenerateConfig::default()
+        };
+        assert!(large(24).check().is_empty());
+        let wrong = large(1000).check();
+        assert!(
+            wrong.len() == 1 && wrong[0].contains("268 GB") && wrong[0].contains("fewer views"),
+            "{wrong:?}"
+        );
     }
 }

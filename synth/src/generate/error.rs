@@ -50,6 +50,17 @@ pub enum GenerateError {
     /// The model's faces are not of its vertices.
     #[error("the model: {0}")]
     Model(#[from] FacesError),
+    /// A model is nothing that 3D-R2N2's cameras stand around.
+    #[error(
+        "{object}: reaches {reach:.3} from the origin; 3D-R2N2's cameras stand at 1.1 to 1.7 from it, around a box of diagonal 1: \
+         normalise the model (--normalize unit-diagonal), or choose cameras that follow its size (--cameras sphere)"
+    )]
+    Reach {
+        /// Its category and name.
+        object: String,
+        /// How far from the origin its farthest vertex is.
+        reach: f64,
+    },
     /// The layout has no words for a camera: it looks past the origin.
     #[error("3D-R2N2's layout: {0}; normalise the model, or choose another layout")]
     Camera(#[from] mesh_core::CameraError),

@@ -116,7 +116,7 @@ pub struct Generated {
 ///
 /// # Errors
 /// Values out of their range; a folder of another dataset or of something else; a model whose
-/// faces are wrong; files that cannot be written.
+/// faces are wrong, or that is nothing that 3D-R2N2's cameras stand around; files that cannot be written.
 ///
 /// # Cost
 /// Dominated by drawing: about 5 ms per core for a view of 137 x 137. Memory: the images of one
@@ -146,6 +146,12 @@ pub fn generate_shard(
     let wrong = config.check();
     if !wrong.is_empty() {
         return Err(GenerateError::Config(wrong));
+    }
+    if config.cameras == CameraSet::R2n2 {
+        let unfit = models.iter().find_map(|model| Some((model, model.unfit_for_r2n2()?)));
+        if let Some((Model { category, name, .. }, reach)) = unfit {
+            return Err(GenerateError::Reach { object: format!("{category}/{name}"), reach });
+        }
     }
     let begun = Instant::now();
     let store = Store::open(folder, config, models, shard)?;

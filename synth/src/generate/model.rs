@@ -1,12 +1,11 @@
 //! A mesh of the user's own as the object.
 
-use std::hash::Hasher;
 use std::path::{Path, PathBuf};
 
 use datasets::Subset;
-use fnv::FnvHasher;
 use mesh_core::vector::{norm, widen};
 use mesh_core::{ReadMeshError, TriMesh, bounds, read_mesh};
+use train::Fingerprint;
 
 /// A mesh from a file, brought to a size.
 #[derive(Clone, Debug, PartialEq)]
@@ -106,7 +105,17 @@ pub enum Normalize {
     None,
 }
 
+/// How far from the origin what 3D-R2N2's cameras stand around may reach: at 1.14 is the nearest of them, and what is smaller is hardly seen.
+const R2N2_REACH: [f64; 2] = [0.2, 1.001];
+
 impl Model {
+    /// How far the mesh reaches from the origin, where that is too far or too little for 3D-R2N2's cameras.
+    pub(super) fn unfit_for_r2n2(&self) -> Option<f64> {
+        let positions = self.mesh.positions.iter();
+        let reach = positions.map(|p| norm(widen(*p))).fold(0.0, f64::max);
+        (!(R2N2_REACH[0]..=R2N2_REACH[1]).contains(&reach)).then_some(reach)
+    }
+
     /// Reads an OBJ, PLY or GLB; colours and texture are kept.
     ///
     /// # Errors
@@ -119,15 +128,29 @@ impl Model {
             .map_err(|source| ReadMeshError::Io { path: path.into(), source })?;
         let stem = path.file_stem().map(|stem| stem.to_string_lossy()).unwrap_or_default();
         let category = plain(&stem, "model");
-        // Tells files apart, keeps no secrets.
-        let mut hash = FnvHasher::default();
-        hash.write(&bytes);
-        let hash = hash.finish();
+        // Of the file, and of what others beside it make of it: materials and textures.
+        let hash = hashed(&mesh, Fingerprint::new().with(&bytes)).value();
         let fingerprint = format!("{category} {} bytes {hash:016x} {normalize:?}", bytes.len());
         let mesh = normalize.apply(mesh);
         let (name, synset) = ("0000".to_owned(), "00000000".to_owned());
         Ok(Self { category, name, subset: None, mesh, fingerprint, synset, stream: 0 })
     }
+}
+
+/// Tells meshes apart, keeps no secrets.
+fn hashed(mesh: &TriMesh, before: Fingerprint) -> Fingerprint {
+    fn floats<const N: usize>(values: &[[f32; N]]) -> Vec<u8> {
+        values.iter().flatten().flat_map(|value| value.to_le_bytes()).collect()
+    }
+    let numbers = |faces: &[[u32; 3]]| -> Vec<u8> {
+        faces.iter().flatten().flat_map(|corner| corner.to_le_bytes()).collect()
+    };
+    let hash = before.with(&floats(&mesh.positions)).with(&numbers(&mesh.faces));
+    let hash = mesh.colors.iter().fold(hash, |hash, colors| hash.with(&floats(colors)));
+    mesh.texture.iter().fold(hash, |hash, texture| {
+        let image: Vec<u8> = texture.image.data.iter().flat_map(|v| v.to_le_bytes()).collect();
+        hash.with(&floats(&texture.uvs)).with(&numbers(&texture.faces)).with(&image)
+    })
 }
 
 /// A name that folders can have: letters, digits, `-` and `_`.
@@ -164,7 +187,7 @@ impl Normalize {
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
     use super::*;
-    use mesh_core::primitives;
+    use mesh_core::{ByteImage, primitives};
 
     #[test]
     fn sizes_are_as_named() {
@@ -190,6 +213,24 @@ mod tests {
         assert_eq!((&*model.category, &*model.name), ("my_chair__2_", "0000"));
         assert!(model.fingerprint.contains("UnitBox"));
         assert!(Model::read(&folder.path().join("no.obj"), Normalize::None).is_err());
+    }
+
+    #[test]
+    fn another_texture_is_another_model() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.obj");
+        let text = "mtllib a.mtl\nusemtl m\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/1\n";
+        std::fs::write(&path, text).unwrap();
+        std::fs::write(folder.path().join("a.mtl"), "newmtl m\nmap_Kd t.png\n").unwrap();
+        let read = |color: [u8; 3]| {
+            let image = ByteImage { height: 2, width: 2, channels: 3, data: color.repeat(4) };
+            mesh_core::write_png(folder.path().join("t.png"), &image).unwrap();
+            Model::read(&path, Normalize::None).unwrap()
+        };
+        let red = read([255, 0, 0]);
+        assert!(red.mesh.texture.is_some());
+        assert_eq!(red.fingerprint, read([255, 0, 0]).fingerprint);
+        assert_ne!(red.fingerprint, read([0, 0, 255]).fingerprint);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! A folder of meshes as the objects of a dataset.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::hash::Hasher;
 use std::path::{Path, PathBuf};
@@ -35,6 +35,8 @@ pub struct ModelFolder {
     pub refused: Vec<ReadModelError>,
     /// How many the list leaves out: it does not have them, or has them for something else.
     pub unlisted: usize,
+    /// What the list has a subset for and the folder does not have, in the order of the alphabet.
+    pub absent: Vec<String>,
 }
 
 impl ModelFolder {
@@ -51,12 +53,18 @@ impl ModelFolder {
         list: Option<&SplitList>,
     ) -> Result<Self, ReadModelError> {
         let mut found = Self::default();
-        let mut names = BTreeSet::new();
+        let mut kinds = Vec::new();
         for kind in listed(folder)?.into_iter().filter(|path| path.is_dir()) {
-            let files = listed(&kind)?;
-            let category = plain(&last(&kind), "model");
-            for file in files.into_iter().filter(|path| is_mesh(path)) {
-                let within = format!("{}/{}", last(&kind), last(&file));
+            let files: Vec<PathBuf> =
+                listed(&kind)?.into_iter().filter(|path| is_mesh(path)).collect();
+            kinds.push((last(&kind), files));
+        }
+        let mut unseen = list.map(SplitList::files).unwrap_or_default();
+        for ((kind, files), names) in kinds.iter().zip(names(&kinds)) {
+            let category = plain(kind, "model");
+            for (file, name) in files.iter().zip(names) {
+                let within = format!("{kind}/{}", last(file));
+                unseen.remove(&*within);
                 let subset = match list.map(|list| list.subset(&within)) {
                     Some(None) => {
                         found.unlisted += 1;
@@ -65,9 +73,8 @@ impl ModelFolder {
                     Some(Some(subset)) => Some(subset),
                     None => None,
                 };
-                match Model::read(&file, normalize) {
+                match Model::read(file, normalize) {
                     Ok(model) => {
-                        let name = free(&model.category, &category, &mut names);
                         let stream = stream(&category, &name);
                         let (category, synset) = (category.clone(), synset(&category));
                         found.models.push(Model {
@@ -83,6 +90,7 @@ impl ModelFolder {
                 }
             }
         }
+        found.absent = unseen.into_iter().map(str::to_owned).collect();
         if found.models.is_empty() {
             return Err(match found.refused.into_iter().next() {
                 Some(error) => error,
@@ -112,15 +120,53 @@ fn is_mesh(path: &Path) -> bool {
     ENDINGS.contains(&&*ending) && path.is_file()
 }
 
-/// The name of an object, with a number behind it where another file's is the same in plain letters.
-fn free(name: &str, category: &str, taken: &mut BTreeSet<String>) -> String {
-    let numbered = (2..).map(|k| format!("{name}_{k}"));
-    let mut names = std::iter::once(name.to_owned()).chain(numbered);
-    let free = |name: &String| taken.insert(format!("{category}/{name}"));
-    names.find(free).expect("there are more numbers than files")
+/// What the objects of all files are called within their kinds, in plain letters, each once.
+///
+/// Those that are plain already keep their names. Others get a number behind theirs where it is taken, in the order of their
+/// files: another file that is the same in plain letters may move them.
+fn names(kinds: &[(String, Vec<PathBuf>)]) -> Vec<Vec<String>> {
+    let mut taken = BTreeSet::new();
+    let mut names: Vec<Vec<String>> = Vec::with_capacity(kinds.len());
+    for (kind, files) in kinds {
+        let category = plain(kind, "model");
+        let own = |file: &PathBuf| -> String {
+            let (stem, name) = stem_of(file);
+            let is_plain = *kind == category && stem == name;
+            let free = is_plain && taken.insert((category.clone(), name.clone()));
+            if free { name } else { String::new() }
+        };
+        names.push(files.iter().map(own).collect());
+    }
+    let mut next: BTreeMap<(String, String), usize> = BTreeMap::new();
+    for ((kind, files), names) in kinds.iter().zip(&mut names) {
+        let category = plain(kind, "model");
+        for (file, own) in files.iter().zip(names).filter(|(_, own)| own.is_empty()) {
+            let name = stem_of(file).1;
+            // Where the last of that name left off, or many of them would be counted through for each.
+            let number = next.entry((category.clone(), name.clone())).or_insert(1);
+            while own.is_empty() {
+                let numbered = match *number {
+                    1 => name.clone(),
+                    k => format!("{name}_{k}"),
+                };
+                *number += 1;
+                if taken.insert((category.clone(), numbered.clone())) {
+                    *own = numbered;
+                }
+            }
+        }
+    }
+    names
 }
 
-/// More meshes in the folder move no other, whatever their names.
+/// A file's name without its extension, and that in plain letters.
+fn stem_of(file: &Path) -> (String, String) {
+    let stem = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let name = plain(&stem, "model");
+    (stem, name)
+}
+
+/// More meshes in the folder move no other, but for names that are the same in plain letters.
 fn stream(category: &str, name: &str) -> u32 {
     let mut hash = FnvHasher::default();
     hash.write(format!("{category}/{name}").as_bytes());
@@ -164,7 +210,7 @@ mod tests {
         let found = ModelFolder::read(place.path(), Normalize::UnitBox, None).unwrap();
         let names: Vec<_> =
             found.models.iter().map(|m| (m.category.as_str(), m.name.as_str())).collect();
-        assert_eq!(names, [("chair", "a_b"), ("chair", "a_b_2"), ("dog", "rex")]);
+        assert_eq!(names, [("chair", "a_b_2"), ("chair", "a_b"), ("dog", "rex")]);
         assert!(found.refused.len() == 1 && found.refused[0].to_string().contains("broken.glb"));
         let synsets: Vec<&str> = found.models.iter().map(|m| m.synset.as_str()).collect();
         assert_eq!(synsets[0], Family::Chair.synset());
@@ -176,6 +222,34 @@ mod tests {
         write_mesh(place.path().join("chair/aa.ply"), &primitives::cuboid([1.0; 3])).unwrap();
         let found = ModelFolder::read(place.path(), Normalize::UnitBox, None).unwrap();
         assert!(before.iter().all(|stream| streams(&found).contains(stream)));
+    }
+
+    #[test]
+    fn what_is_plain_keeps_its_name() {
+        let named = |stems: &[&str]| {
+            let files = stems.iter().map(|stem| PathBuf::from(format!("{stem}.ply"))).collect();
+            names(&[("chair".to_owned(), files)]).remove(0)
+        };
+        assert_eq!(named(&["a_b"]), ["a_b"]);
+        assert_eq!(named(&["a b", "a.b", "a_b", "a_b_2"]), ["a_b_3", "a_b_4", "a_b", "a_b_2"]);
+        // Kinds that are the same in plain letters share their names.
+        let kinds = ["a b", "a_b"].map(|kind| (kind.to_owned(), vec![PathBuf::from("x.ply")]));
+        assert_eq!(names(&kinds), [["x_2"], ["x"]]);
+        // One by one this took minutes.
+        let many: Vec<PathBuf> = (0..50_000).map(|_| PathBuf::from("a b.ply")).collect();
+        assert_eq!(names(&[("dog".to_owned(), many)])[0][49_999], "a_b_50000");
+    }
+
+    #[test]
+    fn what_the_folder_does_not_have_is_told() {
+        let place = folder();
+        let path = place.path().join("list.csv");
+        let rows =
+            "file,split\nchair/a_b.ply,test\ndog/rex.objj,val\ncat/tom.ply,train\nx/y.ply,sold\n";
+        fs::write(&path, rows).unwrap();
+        let list = SplitList::read(&path).unwrap();
+        let found = ModelFolder::read(place.path(), Normalize::UnitBox, Some(&list)).unwrap();
+        assert_eq!(found.absent, ["cat/tom.ply", "dog/rex.objj"]);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! A table of what meshes are for.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use datasets::Subset;
@@ -43,6 +43,12 @@ impl SplitList {
             }
         }
         Ok(Self(rows))
+    }
+
+    /// The files that are for something.
+    pub(super) fn files(&self) -> BTreeSet<&str> {
+        let meant = self.0.iter().filter(|(_, subset)| subset.is_some());
+        meant.map(|(file, _)| file.as_str()).collect()
     }
 
     /// What a file is for; none where the list does not have it, or has it for something else.

@@ -114,7 +114,7 @@ impl Store {
     ) -> Result<ObjectInfo, GenerateError> {
         let ObjectInfo { category, synset, name, .. } = &made.info;
         let folders = self.folders(category, synset, name);
-        let work = self.claim.unfinished.join(format!("{category}-{name}"));
+        let work = work_folder(&self.claim.unfinished, category, name);
         fs::create_dir_all(&work).map_err(GenerateError::io(&work))?;
         let last = work.join(folders.last().expect("every layout has a folder"));
         fs::create_dir_all(&last).map_err(GenerateError::io(&last))?;
@@ -158,6 +158,11 @@ impl Store {
         put_for_good(&self.root, "splits.json", text.as_bytes())?;
         put_for_good(&self.root, "contact_sheet.png", &encode_png(sheet))
     }
+}
+
+/// Where an object is put together, beside others that are drawn at the same time. Neither name has a slash in it, so it is nobody else's.
+fn work_folder(unfinished: &Path, category: &str, name: &str) -> PathBuf {
+    unfinished.join(category).join(name)
 }
 
 /// What tells models from others; none where there are none.
@@ -269,6 +274,12 @@ fn first_difference(found: &str, asked: &str) -> Option<(String, String)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn no_two_objects_are_put_together_in_one_folder() {
+        let place = |category, name| work_folder(Path::new("unfinished"), category, name);
+        assert_ne!(place("a", "b-c"), place("a-b", "c"));
+    }
 
     #[test]
     fn the_setting_that_differs_is_named() {

@@ -4,8 +4,8 @@ use std::fmt::Write as _;
 use std::path::{Component, Path, PathBuf};
 
 use datasets::r2n2::{Rendering, Splits, write_object, write_splits};
-use datasets::{ColmapForm, Entry, ReadOptions, Truth, View, WriteViewsError};
-use datasets::{write_colmap, write_kaolin, write_photos, write_transforms};
+use datasets::{ColmapForm, Entry, ReadOptions, Truth, View, Views, WriteViewsError};
+use datasets::{write_colmap, write_kaolin, write_photos, write_transforms_split};
 use serde::Serialize;
 use train::output::OutputFolder;
 use train::report::counted;
@@ -54,6 +54,7 @@ pub(crate) fn run(console: Console, arguments: &Convert) -> Result<(), Failure> 
         views_count += views.len();
         let truth = dataset.truth(object)?;
         let entry = &entries[object];
+        lost.extend(lost_split(&views, entry, arguments.layout));
         if arguments.layout == WrittenLayout::R2n2 {
             write_r2n2(&views.views, entry, &truth, folder.path())?;
             if let Some(subset) = entry.subset {
@@ -70,7 +71,7 @@ pub(crate) fn run(console: Console, arguments: &Convert) -> Result<(), Failure> 
         } else {
             place_of(entry, folder.path())?
         };
-        write(&views.views, &place, arguments.layout)
+        write(&views, &place, arguments.layout)
             .map_err(|error| refusal(&error, &folder, &arguments.to))?;
     }
     progress.finish();
@@ -93,10 +94,19 @@ pub(crate) fn run(console: Console, arguments: &Convert) -> Result<(), Failure> 
     })
 }
 
-fn write(views: &[View], folder: &Path, layout: WrittenLayout) -> Result<(), WriteViewsError> {
+/// Which views are kept for tests, where the layout cannot say it: a fit would take them too.
+fn lost_split(views: &Views, entry: &Entry, layout: WrittenLayout) -> Option<String> {
+    let says = layout == WrittenLayout::Transforms || views.test.is_empty();
+    let name = if entry.name.is_empty() { "the object" } else { &entry.name };
+    let kept = counted(views.test.len(), "view");
+    (!says).then(|| format!("which views of {name} are kept for tests ({kept}): transforms has"))
+}
+
+fn write(views: &Views, folder: &Path, layout: WrittenLayout) -> Result<(), WriteViewsError> {
+    let Views { views, test, .. } = views;
     match layout {
         WrittenLayout::Kaolin => write_kaolin(views, folder),
-        WrittenLayout::Transforms => write_transforms(views, folder),
+        WrittenLayout::Transforms => write_transforms_split(views, test, folder),
         WrittenLayout::Colmap => write_colmap(views, folder, ColmapForm::Binary),
         WrittenLayout::ColmapText => write_colmap(views, folder, ColmapForm::Text),
         WrittenLayout::Photos => write_photos(views, folder),

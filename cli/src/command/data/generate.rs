@@ -115,6 +115,14 @@ fn models(console: Console, arguments: &Generate) -> Result<Vec<Model>, Failure>
         let meshes = if count == 1 { "1 mesh is" } else { &format!("{count} meshes are") };
         console.remark(format_args!("{meshes} left out, without a subset in the list"));
     }
+    if let Some(first) = found.absent.first() {
+        let rows = counted(found.absent.len(), "row");
+        console.warn(format_args!(
+            "--splits: {rows} without a mesh in {}, the first of which names {first:?}: files are KIND/NAME.obj and the like, as the \
+             folder has them",
+            path.display()
+        ));
+    }
     Ok(found.models)
 }
 
@@ -125,7 +133,8 @@ fn configuration(arguments: &Generate, global: Global) -> Result<GenerateConfig,
     if !arguments.families.is_empty() {
         config.families = families(&arguments.families)?;
     }
-    if arguments.cameras == Some(CameraSet::Collection) {
+    // Of a photograph there is one, unless somebody says otherwise.
+    if arguments.cameras == Some(CameraSet::Collection) && !names_views(arguments) {
         config.views = 1;
     }
     config.layout = arguments.layout.unwrap_or(config.layout);
@@ -152,6 +161,14 @@ fn configuration(arguments: &Generate, global: Global) -> Result<GenerateConfig,
     Ok(config)
 }
 
+/// Whether the settings or the configuration file say how many views there are.
+fn names_views(arguments: &Generate) -> bool {
+    let given = &arguments.configuration;
+    let of_file = given.config.as_ref().and_then(|path| std::fs::read_to_string(path).ok());
+    given.set.iter().any(|(key, _)| key == "views")
+        || of_file.is_some_and(|text| train::settings::settings_of(&text).contains_key("views"))
+}
+
 /// The families of these names; `all` stands for every one.
 fn families(names: &[String]) -> Result<Vec<Family>, Failure> {
     if names.iter().any(|name| name == "all") {
@@ -163,9 +180,9 @@ fn families(names: &[String]) -> Result<Vec<Family>, Failure> {
 
 fn failure(error: GenerateError) -> Failure {
     match error {
-        GenerateError::Config(_) | GenerateError::Different { .. } => {
-            Failure::Usage(error.to_string())
-        }
+        GenerateError::Config(_)
+        | GenerateError::Different { .. }
+        | GenerateError::Reach { .. } => Failure::Usage(error.to_string()),
         GenerateError::Model(_) => Failure::input(error),
         other => Failure::other(other),
     }
@@ -200,6 +217,14 @@ mod tests {
         assert_eq!((photos.views, photos.width, photos.height), (1, 64, 48));
         assert_eq!((photos.depth, photos.monocular), (false, Some(Monocular::default())));
         assert_eq!(config("--cameras collection --views 3").unwrap().views, 3);
+        assert_eq!(config("--cameras collection --set views=4").unwrap().views, 4);
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("c.toml");
+        for (text, views) in [("views = 5", 5), ("objects = 2", 1)] {
+            std::fs::write(&file, text).unwrap();
+            let line = format!("--cameras collection -c {}", file.display());
+            assert_eq!(config(&line).unwrap().views, views);
+        }
         assert_eq!(config("--families all").unwrap().families, Family::ALL);
         let set = config("--depth true,monocular --set monocular={blur=[0,0]}").unwrap();
         assert_eq!((set.depth, set.monocular.unwrap().blur), (true, [0.0, 0.0]));

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use datasets::{Layout, MaskSource, OnInconsistent, ReadOptions, View, ViewsProblem};
+use datasets::{Layout, MaskSource, OnInconsistent, ReadOptions, View, ViewsProblem, clean_mask};
 use mesh_core::{ByteImage, Camera, encode_png, read_image};
 use serde::Serialize;
 use train::output::{OutputFolder, disk};
@@ -55,6 +55,10 @@ pub(crate) fn run(console: Console, arguments: &Mask) -> Result<(), Failure> {
     let (mut views, named) = views(console, arguments)?;
     let files = files(&views, named)?;
     let made = masks::make(console, &arguments.source, &mut views, named.is_some())?;
+    let options = asked.options();
+    for view in &mut views {
+        clean_mask(&mut view.mask, &options);
+    }
     let mut shares = Vec::new();
     for (view, file) in views.iter().zip(files) {
         let path = folder.path().join(&file);
@@ -154,18 +158,26 @@ pub(crate) fn photographs(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
 /// # Errors
 /// If two would be one.
 fn files(views: &[View], layout: Option<Layout>) -> Result<Vec<String>, Failure> {
+    one_each("mask", views.iter().map(|view| (&*view.name, file_of(&view.name, layout))))
+}
+
+/// The files of views, for each of which there are a name and a file.
+///
+/// # Errors
+/// If two views would have one.
+pub(crate) fn one_each<'n>(
+    what: &str,
+    views: impl Iterator<Item = (&'n str, String)>,
+) -> Result<Vec<String>, Failure> {
     let mut seen = BTreeMap::new();
-    let one = |view: &View| {
-        let file = file_of(&view.name, layout);
-        match seen.insert(file.clone(), view.name.clone()) {
-            None => Ok(file),
-            Some(first) => {
-                let both = format!("views {first} and {}", view.name);
-                Err(Failure::Input(format!("{both} would both have the mask {file}")))
-            }
+    let one = |(name, file): (&'n str, String)| match seen.insert(file.clone(), name) {
+        None => Ok(file),
+        Some(first) => {
+            let both = format!("views {first} and {name}");
+            Err(Failure::Input(format!("{both} would both have the {what} {file}")))
         }
     };
-    views.iter().map(one).collect()
+    views.map(one).collect()
 }
 
 /// The file of a view's mask, as `--masks` looks for it.

@@ -4,16 +4,13 @@ use std::path::Path;
 
 use flate2::read::ZlibDecoder;
 
-use super::stream::{Stream, Tag};
+use super::stream::{COMPRESSED, MATRIX, Stream, Tag};
 use super::value::{Array, Data, StructArray, Value, sizes};
 use crate::content::Content;
 use crate::error::ReadViewsError;
 
 /// The text, the offset of the subsystem, the version and the mark of the byte order.
 const HEADER: usize = 128;
-/// Type numbers of elements.
-const MATRIX: u32 = 14;
-const COMPRESSED: u32 = 15;
 /// How deep structs and cells may nest.
 const DEPTH: usize = 24;
 /// MATLAB's arrays have far fewer axes, names at most 63 letters.
@@ -65,7 +62,8 @@ pub(super) fn variables(
                     Stream::new(&mut body, big_endian, file, place, Some(tag.size), budget.clone());
                 out.push(matrix(&mut inner, 0)?);
                 budget = inner.budget;
-                rest = &behind[(8 - size % 8) % 8 * usize::from(!behind.is_empty())..];
+                // Some writers leave the padding away; less of it than a tag is nothing to be read.
+                rest = behind.get((8 - size % 8) % 8..).unwrap_or_default();
             }
             other => {
                 let found = format!("type {other}");

@@ -15,6 +15,10 @@ const CHUNK: usize = 1 << 16;
 /// The format has 32 bits for the length of a variable.
 const INFLATED_BYTES: u64 = 1 << 32;
 
+/// Type numbers of elements that hold others.
+pub(super) const MATRIX: u32 = 14;
+pub(super) const COMPRESSED: u32 = 15;
+
 /// The start of an element: what it holds and how many bytes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tag {
@@ -111,6 +115,11 @@ impl<'a> Stream<'a> {
                 return Err(self.wrong("size", small_size.to_string(), expected));
             }
             let kind = word & 0xffff;
+            // What follows such a tag is read as its data, of which a small one has none behind it.
+            if matches!(kind, MATRIX | COMPRESSED) {
+                let found = format!("a small element of type {kind}");
+                return Err(self.wrong("type", found, "the long form for what holds others"));
+            }
             return Ok(Some(Tag { kind, size: small_size.into(), small: Some(second) }));
         }
         Ok(Some(Tag { kind: word, size: self.word(second).into(), small: None }))

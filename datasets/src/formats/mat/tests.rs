@@ -137,6 +137,39 @@ fn a_file_cut_anywhere_is_an_error_or_the_variables_before() {
 }
 
 #[test]
+fn small_elements_hold_no_others() {
+    for kind in [14u8, 15] {
+        for size in 1..=4 {
+            let bytes = [&PLAIN[..128], &[kind, 0, size, 0, 0, 0, 0, 0]].concat();
+            assert!(message(&bytes).contains("small element"), "{}", message(&bytes));
+        }
+    }
+    // In a cell, whose last element it is.
+    let mut cell = vec![6, 0, 0, 0, 8, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0];
+    cell.extend_from_slice(&[5, 0, 0, 0, 8, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0]);
+    cell.extend_from_slice(&[1, 0, 0, 0, 0, 0, 0, 0, 14, 0, 4, 0, 0, 0, 0, 0]);
+    let head = [14, 0, 0, 0, cell.len() as u8, 0, 0, 0];
+    let bytes = [&PLAIN[..128], &head, &cell].concat();
+    assert!(message(&bytes).contains("small element"), "{}", message(&bytes));
+}
+
+#[test]
+fn padding_may_be_missing_or_cut() {
+    // A 1x5 matrix of bytes called `a`, the last of whose 53 bytes is the last number.
+    let mut matrix = vec![6, 0, 0, 0, 8, 0, 0, 0, 9, 0, 0, 0, 0, 0, 0, 0];
+    matrix.extend_from_slice(&[5, 0, 0, 0, 8, 0, 0, 0, 1, 0, 0, 0, 5, 0, 0, 0]);
+    matrix.extend_from_slice(&[1, 0, 1, 0, b'a', 0, 0, 0]);
+    matrix.extend_from_slice(&[2, 0, 0, 0, 5, 0, 0, 0, 1, 2, 3, 4, 5]);
+    assert_eq!(matrix.len(), 53);
+    let whole = [&PLAIN[..128], &[14, 0, 0, 0, 53, 0, 0, 0], &matrix].concat();
+    for behind in 0..4 {
+        let bytes = [&whole, &[0; 4][..behind]].concat();
+        let mat = read(&bytes).unwrap();
+        assert_eq!(mat.need("a", file()).unwrap().vector().unwrap(), [1.0, 2.0, 3.0, 4.0, 5.0]);
+    }
+}
+
+#[test]
 fn claims_are_checked_against_what_is_there() {
     // The shape of `small`: 1x1 becomes 2^31-1 x 2^31-1.
     let at = PLAIN.windows(5).position(|w| w == b"small").unwrap();

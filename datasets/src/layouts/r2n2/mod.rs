@@ -64,7 +64,7 @@ use rayon::prelude::*;
 
 use crate::assemble::{assemble, read_image_file};
 use crate::dataset::{Catalog, Dataset, Entry, Truth};
-use crate::depth;
+use crate::depth::{self, Unit};
 use crate::error::{ReadViewsError, ViewsProblem};
 use crate::layouts::album::model;
 use crate::mask_file::MaskFile;
@@ -216,7 +216,8 @@ impl Dataset for R2n2 {
                 let file = source.locate(metadata::FILE);
                 camera.validate().map_err(ReadViewsError::camera(file, field))?;
                 let depths = [format!("{}_depth.exr", line.stem())];
-                let depth = depth::read(opened, &depths, 1.0, &image.pixels, options)?;
+                let depth =
+                    depth::read(opened, &depths, Unit::OfIntegers(1.0), &image.pixels, options)?;
                 assemble(line.stem().to_owned(), image, MaskFile::default(), camera, depth, options)
             }));
         }

@@ -1,6 +1,7 @@
 //! Which objects are for training: Mesh R-CNN's JSON, and plain lists.
 
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::path::{Path, PathBuf};
 
 use crate::assemble::put;
@@ -171,10 +172,42 @@ pub fn write_splits(root: &Path, splits: &Splits) -> Result<(), WriteViewsError>
         for part in parts {
             let models = json.entry(part.subset.name().to_owned()).or_default();
             let models = models.entry(category.clone()).or_default();
-            models.entry(model.clone()).or_default().extend(&part.views);
+            match models.entry(model.clone()) {
+                Entry::Vacant(new) => {
+                    new.insert(part.views.clone());
+                }
+                // No views stand for all, and some of them are among those.
+                Entry::Occupied(mut said) if said.get().is_empty() || part.views.is_empty() => {
+                    said.get_mut().clear();
+                }
+                Entry::Occupied(mut said) => said.get_mut().extend(&part.views),
+            }
         }
     }
     let path = root.join(JSON);
     let bytes = serde_json::to_vec(&json).map_err(|e| WriteViewsError::new(&path, e))?;
     put(&path, &bytes)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn all_views_and_some_of_them_are_all() {
+        for parts in [[vec![], vec![1]], [vec![1], vec![]]] {
+            let mut splits = Splits::default();
+            for views in parts {
+                splits.insert("02958343", "a", Subset::Train, views);
+            }
+            splits.insert("02958343", "b", Subset::Train, vec![2]);
+            splits.insert("02958343", "b", Subset::Train, vec![0]);
+            let root = tempfile::tempdir().unwrap();
+            write_splits(root.path(), &splits).unwrap();
+            let read = Splits::read(Some(root.path()), &BTreeMap::new(), &mut Vec::new()).unwrap();
+            assert_eq!(read.of("02958343", "a")[0].views, Vec::<usize>::new());
+            assert_eq!(read.of("02958343", "b")[0].views, [2, 0]);
+        }
+    }
 }
