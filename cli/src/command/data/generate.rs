@@ -11,6 +11,7 @@ use synth::generate::{
 use synth::progress::Event;
 use synth::shapes::Family;
 use train::report::counted;
+use train::settings::{SettingsError, read_text, settings_of, toml};
 
 use crate::args::{DepthKind, Generate, Global};
 use crate::console::{Console, table};
@@ -129,12 +130,16 @@ fn models(console: Console, arguments: &Generate) -> Result<Vec<Model>, Failure>
 /// The options, over the settings, over the configuration file, over the defaults.
 fn configuration(arguments: &Generate, global: Global) -> Result<GenerateConfig, Failure> {
     let given = &arguments.configuration;
-    let mut config: GenerateConfig = train::settings::read(given.config.as_deref(), &given.set)?;
+    let text = given.config.as_deref().map(config_text).transpose()?.unwrap_or_default();
+    let name = given.config.as_deref().unwrap_or_else(|| Path::new("configuration"));
+    let mut config: GenerateConfig = read_text(name, &text, &given.set)?;
     if !arguments.families.is_empty() {
         config.families = families(&arguments.families)?;
     }
     // Of a photograph there is one, unless somebody says otherwise.
-    if arguments.cameras == Some(CameraSet::Collection) && !names_views(arguments) {
+    let names_views =
+        given.set.iter().any(|(key, _)| key == "views") || settings_of(&text).contains_key("views");
+    if arguments.cameras == Some(CameraSet::Collection) && !names_views {
         config.views = 1;
     }
     config.layout = arguments.layout.unwrap_or(config.layout);
@@ -161,12 +166,12 @@ fn configuration(arguments: &Generate, global: Global) -> Result<GenerateConfig,
     Ok(config)
 }
 
-/// Whether the settings or the configuration file say how many views there are.
-fn names_views(arguments: &Generate) -> bool {
-    let given = &arguments.configuration;
-    let of_file = given.config.as_ref().and_then(|path| std::fs::read_to_string(path).ok());
-    given.set.iter().any(|(key, _)| key == "views")
-        || of_file.is_some_and(|text| train::settings::settings_of(&text).contains_key("views"))
+/// The text of a configuration file. A dataset keeps its own in a table, beside what it was made by.
+fn config_text(path: &Path) -> Result<String, SettingsError> {
+    let text = std::fs::read_to_string(path)
+        .map_err(|source| SettingsError::Io { path: path.to_owned(), source })?;
+    let kept = text.parse::<toml::Table>().ok().and_then(|mut table| table.remove("dataset"));
+    Ok(kept.and_then(|dataset| toml::to_string(&dataset).ok()).unwrap_or(text))
 }
 
 /// The families of these names; `all` stands for every one.
@@ -220,9 +225,11 @@ mod tests {
         assert_eq!(config("--cameras collection --set views=4").unwrap().views, 4);
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("c.toml");
-        for (text, views) in [("views = 5", 5), ("objects = 2", 1)] {
+        for (text, views) in
+            [("views = 5", 5), ("objects = 2", 1), ("version = \"1\"\n[dataset]\nviews = 6", 6)]
+        {
             std::fs::write(&file, text).unwrap();
-            let line = format!("--cameras collection -c {}", file.display());
+            let line = format!("--cameras collection --config {}", file.display());
             assert_eq!(config(&line).unwrap().views, views);
         }
         assert_eq!(config("--families all").unwrap().families, Family::ALL);
