@@ -134,7 +134,7 @@ impl Batch<'_> {
 
     /// The same for how views are read, which the folder keeps beside its objects.
     fn refuse_other_reading(&self) -> Result<(), Failure> {
-        let asked = around_the_object(self.arguments);
+        let asked = around_the_object(&self.arguments.reading);
         // A path that is no text cannot be kept, and is not compared.
         let Ok(asked) = serde_json::to_string_pretty(&asked) else { return Ok(()) };
         // An earlier version did not keep it.

@@ -198,7 +198,7 @@ fn corners_that_no_ray_leads_to_are_no_part_of_an_object() {
     // A model of colours then has too few views, not a lens that cannot be followed.
     let error =
         read_views(folder.path(), &options(MaskSource::ColorModel), &|_, _| {}).unwrap_err();
-    assert!(error.to_string().contains("3"), "{error}");
+    assert!(error.to_string().contains('3'), "{error}");
     // An object in the corner cannot be followed, as before.
     let mut mask = ByteImage::new(height, width, 1);
     mask.data[..4].fill(255);

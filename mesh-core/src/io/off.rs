@@ -90,13 +90,16 @@ fn header(lines: &mut Lines<'_>) -> Result<Header, ReadMeshError> {
     Ok(Header { vertices, faces, color })
 }
 
+/// Positions, and colours of as many.
+type Corners = (Vec<[f32; 3]>, Option<Vec<[f32; 3]>>);
+
 /// Positions, and colours where the file has them: whole numbers to 255, or up to 1.
 fn corners(
     lines: &mut Lines<'_>,
     vertices: usize,
     color: Option<usize>,
     budget: &mut Budget,
-) -> Result<(Vec<[f32; 3]>, Option<Vec<[f32; 3]>>), ReadMeshError> {
+) -> Result<Corners, ReadMeshError> {
     let over = ReadMeshError::over_limit(lines.path);
     let (mut positions, mut colors) = (Vec::new(), Vec::new());
     let mut largest = 255.0;
@@ -119,8 +122,9 @@ fn corners(
         }
         budget.push(&mut colors, color).map_err(&over)?;
     }
-    let unit = |c: [f32; 3]| c.map(|c: f32| (c / largest).clamp(0.0, 1.0));
-    colors.iter_mut().for_each(|c| *c = unit(*c));
+    for c in colors.iter_mut().flatten() {
+        *c = (*c / largest).clamp(0.0, 1.0);
+    }
     Ok((positions, color.map(|_| colors)))
 }
 

@@ -76,8 +76,7 @@ impl Atlas {
     /// If a face names a vertex that is not there.
     pub fn new(positions: &[[f32; 3]], faces: &[[u32; 3]], density: f32, most: usize) -> Self {
         let charts = charts(positions, faces);
-        // Of NaN and 0 the larger is 0.
-        let mut density = density.max(0.0).min(f32::MAX);
+        let mut density = if density.is_nan() { 0.0 } else { density.clamp(0.0, f32::MAX) };
         loop {
             // With nothing but padding any number of charts has its place, be it larger than was wished.
             let limit = if density > 0.0 { most } else { usize::MAX };

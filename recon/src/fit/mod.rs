@@ -296,7 +296,7 @@ impl<'a, 'o> Run<'a, 'o> {
         self.clock = Instant::now();
         let begun = self.start.take().unwrap_or(Start::Sphere);
         let mut order = Order::new(self.train.len(), config);
-        let few = self.train.len() <= sparse_views::MOST;
+        let few = self.train.len() <= start::FEW_VIEWS;
         let grown = match &begun {
             Start::Surface { is_sphere: true, .. } if few => {
                 self.sphere_instead(&mut order, config)?

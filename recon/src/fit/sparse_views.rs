@@ -3,8 +3,6 @@
 
 use super::{FitConfig, FitError, Order, Run, Shape};
 
-/// Views that are few: of 12, hulls of people's objects cover the masks of others by less than such spheres do; of 20 by more.
-pub(super) const MOST: usize = 12;
 /// The mask IoU at which a sphere meets the masks.
 const MEETS: f64 = 0.97;
 

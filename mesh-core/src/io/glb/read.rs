@@ -228,7 +228,6 @@ impl<'a> Glb<'a> {
         budget: &mut Budget,
         left_out: &mut LeftOut,
     ) -> Result<(), ReadMeshError> {
-        let over = ReadMeshError::over_limit(self.path);
         let mode = primitive.mode.unwrap_or(4);
         let Some(position) = primitive.attributes.position else {
             return Ok(()); // nothing to show, says the standard
@@ -237,21 +236,9 @@ impl<'a> Glb<'a> {
             left_out.lines += 1;
             return Ok(());
         }
-        let positions = self.floats::<3>(position, "POSITION")?;
-        let (base, count) = (soup.positions.len(), positions.count());
-        if u32::try_from(base + count).is_err() {
-            return Err(self.bad("scene", "more", "at most 2^32 vertices"));
-        }
-        budget.reserve(&mut soup.positions, count).map_err(&over)?;
-        for k in 0..count {
-            let p: [f32; 3] = self.row(&positions, k, "POSITION")?;
-            let v = transform * Vector4::new(p[0].into(), p[1].into(), p[2].into(), 1.0);
-            let placed = [v.x as f32, v.y as f32, v.z as f32];
-            if !placed.iter().all(|v| v.is_finite()) {
-                return Err(self.bad("POSITION", format!("{placed:?}"), "finite numbers"));
-            }
-            soup.positions.push(placed);
-        }
+        let base = soup.positions.len();
+        self.positions(position, transform, soup, budget)?;
+        let count = soup.positions.len() - base;
         let material =
             primitive.material.map(|m| self.get(&self.document.materials, m, "material"));
         let material = material.transpose()?;
@@ -292,6 +279,32 @@ impl<'a> Glb<'a> {
         let before = soup.faces.len();
         self.faces(primitive, mode, transform, base, soup, budget)?;
         left_out.bare += if textured { 0 } else { 3 * (soup.faces.len() - before) };
+        Ok(())
+    }
+
+    fn positions(
+        &self,
+        accessor: usize,
+        transform: &Matrix4<f64>,
+        soup: &mut Soup,
+        budget: &mut Budget,
+    ) -> Result<(), ReadMeshError> {
+        let positions = self.floats::<3>(accessor, "POSITION")?;
+        let (base, count) = (soup.positions.len(), positions.count());
+        if u32::try_from(base + count).is_err() {
+            return Err(self.bad("scene", "more", "at most 2^32 vertices"));
+        }
+        let reserved = budget.reserve(&mut soup.positions, count);
+        reserved.map_err(ReadMeshError::over_limit(self.path))?;
+        for k in 0..count {
+            let p: [f32; 3] = self.row(&positions, k, "POSITION")?;
+            let v = transform * Vector4::new(p[0].into(), p[1].into(), p[2].into(), 1.0);
+            let placed = [v.x as f32, v.y as f32, v.z as f32];
+            if !placed.iter().all(|v| v.is_finite()) {
+                return Err(self.bad("POSITION", format!("{placed:?}"), "finite numbers"));
+            }
+            soup.positions.push(placed);
+        }
         Ok(())
     }
 
