@@ -347,19 +347,7 @@ impl<'a, 'o> Run<'a, 'o> {
             self.lap("flatten");
         }
         if config.photometric && !self.ask_cancelled() {
-            let seen: Vec<&View> = self.fitted.train_views.iter().map(|&i| &views[i]).collect();
-            let step = self.fitted.history.len();
-            self.stage("photometric", shape.positions.len(), shape.faces.len());
-            let cancelled = || self.watch.is_cancelled();
-            let unseen: Vec<&View> =
-                self.fitted.held_out_views.iter().map(|&i| &views[i]).collect();
-            let fitted = Photographs { targets: &self.train, views: &seen };
-            let held_out = Photographs { targets: &self.held_out, views: &unseen };
-            let found =
-                photometric::hollow(&mut shape, fitted, held_out, config, step, &cancelled)?;
-            self.fitted.photo_consistency = found;
-            self.evaluate(&shape, step);
-            self.lap("photometric");
+            self.hollow(&mut shape, config, views)?;
         }
         if thin && !self.ask_cancelled() {
             let step = self.fitted.history.len();
@@ -371,6 +359,27 @@ impl<'a, 'o> Run<'a, 'o> {
             self.lap("settle");
         }
         Ok(shape)
+    }
+
+    /// Moves the surface into hollows that photographs show.
+    fn hollow(
+        &mut self,
+        shape: &mut Shape,
+        config: &FitConfig,
+        views: &[View],
+    ) -> Result<(), FitError> {
+        let seen: Vec<&View> = self.fitted.train_views.iter().map(|&i| &views[i]).collect();
+        let step = self.fitted.history.len();
+        self.stage("photometric", shape.positions.len(), shape.faces.len());
+        let cancelled = || self.watch.is_cancelled();
+        let unseen: Vec<&View> = self.fitted.held_out_views.iter().map(|&i| &views[i]).collect();
+        let fitted = Photographs { targets: &self.train, views: &seen };
+        let held_out = Photographs { targets: &self.held_out, views: &unseen };
+        let found = photometric::hollow(shape, fitted, held_out, config, step, &cancelled)?;
+        self.fitted.photo_consistency = found;
+        self.evaluate(shape, step);
+        self.lap("photometric");
+        Ok(())
     }
 
     /// The steps of one level.
