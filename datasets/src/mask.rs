@@ -20,15 +20,17 @@ pub fn mask_from_alpha(image: &ByteImage) -> Option<ByteImage> {
     Some(ByteImage { height: image.height, width: image.width, channels: 1, data })
 }
 
-/// A mask from an image file: the alpha where it says something, else the grey value.
+/// A mask from an image file: the alpha where it says something, else the grey value, above half of white. An image of 0 and 1 alone is
+/// one of labels.
 pub(crate) fn mask_from_image(image: &ByteImage) -> ByteImage {
     mask_from_alpha(image).unwrap_or_else(|| {
         let c = image.channels;
         let gray = |p: &[u8]| {
             if c >= 3 { (p[0] as u16 + p[1] as u16 + p[2] as u16) / 3 } else { p[0] as u16 }
         };
-        let data =
-            image.data.chunks_exact(c).map(|p| if gray(p) >= 128 { 255 } else { 0 }).collect();
+        let pixels = || image.data.chunks_exact(c).map(gray);
+        let least = if pixels().max() == Some(1) { 1 } else { 128 };
+        let data = pixels().map(|p| if p >= least { 255 } else { 0 }).collect();
         ByteImage { height: image.height, width: image.width, channels: 1, data }
     })
 }
@@ -82,6 +84,16 @@ pub(crate) mod tests {
             }
         }
         image
+    }
+
+    #[test]
+    fn labels_of_0_and_1_are_a_mask() {
+        let of = |data: Vec<u8>| {
+            mask_from_image(&ByteImage { height: 1, width: 3, channels: 1, data }).data
+        };
+        assert_eq!(of(vec![0, 1, 0]), [0, 255, 0]);
+        assert_eq!(of(vec![0, 1, 2]), [0; 3]);
+        assert_eq!(of(vec![1, 127, 128]), [0, 0, 255]);
     }
 
     #[test]

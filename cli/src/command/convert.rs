@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use mesh_core::{TriMesh, UpAxis, simplify, write_mesh};
+use mesh_core::{TriMesh, UpAxis, counted, simplify, write_mesh};
 use serde::Serialize;
 
 use crate::args::{ConvertMesh, refuse_existing};
@@ -86,6 +86,14 @@ fn simplified(
     if small.faces.len() > most {
         console.warn(format_args!(
             "{input}: {} faces are left, since with fewer it would open, fold or have slivers",
+            small.faces.len()
+        ));
+    }
+    // The two sides of a sheet come through each other where triangles get longer than it is thick.
+    if small.untangle().is_none() {
+        let pairs = counted(small.self_intersections().len(), "pair");
+        console.warn(format_args!(
+            "{input}: {pairs} of the {} faces run through each other: more faces have more room",
             small.faces.len()
         ));
     }

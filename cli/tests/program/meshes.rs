@@ -151,6 +151,23 @@ fn what_stands_beside_an_obj_file_stays() {
     assert!(read_mesh(path("x.obj")).unwrap().texture.is_some());
 }
 
+/// The sides of a thin dish come through each other when its triangles get long: what cannot be mended is said.
+#[test]
+fn fewer_triangles_run_through_nothing_without_a_word() {
+    let place = tempfile::tempdir().unwrap();
+    let bent = |[x, y, z]: [f32; 3]| [x, 0.02 * y + 0.9 * (x * x + z * z), z];
+    let dish = primitives::icosphere(4).map_positions(bent);
+    write_mesh(place.path().join("dish.ply"), &dish).unwrap();
+    for faces in [1000, 200] {
+        let line = format!("convert dish.ply -o small.ply --force --faces {faces}");
+        let out = unsphere_with(place.path(), &line.split(' ').collect::<Vec<_>>()).ok();
+        let small = read_mesh(place.path().join("small.ply")).unwrap();
+        let is_said = out.stderr().contains("run through each other");
+        assert_eq!(is_said, !small.self_intersections().is_empty(), "{faces}: {}", out.stderr());
+        assert!(faces == 200 || !is_said, "{}", out.stderr());
+    }
+}
+
 #[test]
 fn textured_meshes_get_fewer_triangles() {
     let place = tempfile::tempdir().unwrap();

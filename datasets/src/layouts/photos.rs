@@ -180,6 +180,9 @@ impl Shot {
 
 fn lens(node: &Node<'_>) -> Result<Lens, ReadViewsError> {
     let number = |kind: &Node<'_>, key: &str| kind.need(key)?.number();
+    if LENS.iter().all(|kind| node.get(kind).is_some()) {
+        return Err(node.wrong("one of `perspective` and `orthographic`"));
+    }
     if let Some(p) = node.get("perspective") {
         let (fx, fy) = (number(&p, "fx")?, number(&p, "fy")?);
         return Ok(Lens::Perspective { fx, fy, cx: number(&p, "cx")?, cy: number(&p, "cy")? });

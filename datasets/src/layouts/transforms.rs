@@ -281,7 +281,7 @@ impl Frame {
             mask: text("mask_path")?,
             depth: text("depth_file_path")?,
             depth_unit: positive("depth_unit_scale_factor")?,
-            pose: frame.need("transform_matrix")?.matrix()?,
+            pose: frame.need("transform_matrix")?.pose()?,
             focal,
             principal: [number("cx")?, number("cy")?],
             distortion,

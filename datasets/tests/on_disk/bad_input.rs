@@ -294,6 +294,8 @@ fn lenses_and_files_that_are_none_are_named() {
         v["frames"][1]["transform_matrix"] = json!([[0, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0]]);
     });
     assert_names(&error, &["frames[1].transform_matrix", "singular"]);
+    let error = spoil(&|v| v["frames"][1]["transform_matrix"][3] = json!([1, 2, 3, 4]));
+    assert_names(&error, &["frames[1].transform_matrix", "last row"]);
     let error = spoil(&|v| v["frames"][1]["file_path"] = json!("images/nowhere.png"));
     assert_names(&error, &["images/nowhere.png", "missing", "frames[1].file_path"]);
     let error = spoil(&|v| v["frames"][1]["mask_path"] = json!("masks/nowhere.png"));

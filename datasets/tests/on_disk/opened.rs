@@ -128,6 +128,11 @@ fn a_field_that_photographs_cameras_have_not_is_named() {
         assert_eq!(found.len(), 1, "{words:?}: {:?}", views.warnings);
         assert!(found[0].contains("cameras.json: field"), "{found:?}");
     }
+    edit_json(&folder.path().join("cameras.json"), |v| {
+        v["views"][1]["lens"]["orthographic"] = json!({ "sx": 1, "sy": 1, "cx": 1, "cy": 1 });
+    });
+    let error = read(folder.path()).unwrap_err().to_string();
+    assert!(error.contains("one of `perspective` and `orthographic`"), "{error}");
 }
 
 #[test]

@@ -20,6 +20,8 @@ const EXACT: f64 = 0.3;
 const CLOSE: f64 = 0.25;
 /// Refined cameras are kept if that falls at least to this share: it is measured without the mesh, which follows any cameras.
 const HELPS: f64 = 0.5;
+/// Cameras whose outlines moved by more of what is looked at around the object are not refined but lost.
+const FARTHEST: f64 = 0.25;
 /// Fewer views leave too much open.
 const FEWEST: usize = 4;
 
@@ -131,7 +133,10 @@ impl Run<'_, '_> {
                 .map(|(given, target)| like(given, target.camera(), alignment.cameras.focal))
                 .collect();
             alignment.gap = [gap, consistency.gap(&refined)];
-            if alignment.gap[1] > HELPS * gap {
+            let motion = alignment.cameras.motion(shape, &self.train);
+            let side = |target: &Target| target.width.max(target.height) as f64;
+            let least = self.train.iter().map(side).fold(f64::INFINITY, f64::min);
+            if alignment.gap[1] > HELPS * gap || motion > FARTHEST * least {
                 alignment.cameras.give_back(&mut self.train);
                 measure(&mut self.train, config.blur());
                 shape.place(start);

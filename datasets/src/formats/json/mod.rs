@@ -167,6 +167,16 @@ impl<'a> Node<'a> {
         Ok(matrix)
     }
 
+    /// A matrix that maps points in columns without a projection: its last row, if it is there, is 0, 0, 0, 1.
+    pub(crate) fn pose(&self) -> Result<[[f64; 4]; 4], ReadViewsError> {
+        let matrix = self.matrix()?;
+        let mut last = matrix[3].iter().zip([0.0, 0.0, 0.0, 1.0]);
+        if last.any(|(found, expected): (&f64, f64)| (found - expected).abs() > 1e-3) {
+            return Err(self.wrong("a last row of 0, 0, 0, 1"));
+        }
+        Ok(matrix)
+    }
+
     /// Yes or no, also as 0 or 1.
     pub(crate) fn flag(&self) -> Result<bool, ReadViewsError> {
         match self.value.as_bool() {
