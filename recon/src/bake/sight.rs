@@ -123,6 +123,21 @@ impl Sight {
         rasterize_into(ndc, faces, &settings, &self.scratch, &mut self.fragments);
     }
 
+    /// What a pixel of the last [`look`](Self::look) shows of the colours of vertices; `None` where it does not show the surface.
+    pub(crate) fn color(
+        &self,
+        pixel: usize,
+        faces: &[[u32; 3]],
+        colors: &[[f32; 3]],
+    ) -> Option<[f32; 3]> {
+        let face = self.fragments.face[pixel];
+        if face == NONE {
+            return None;
+        }
+        let shares = std::array::from_fn(|k| self.fragments.barycentric[3 * pixel + k]);
+        Some(interpolate(shares, &faces[face as usize].map(|v| colors[v as usize])))
+    }
+
     /// How squarely a face is seen, 0 to 1.
     #[inline]
     pub(crate) fn facing(&self, target: &Target, positions: &[[f32; 3]], face: [u32; 3]) -> f32 {

@@ -81,28 +81,34 @@ pub(super) struct Photographs<'a> {
 }
 
 impl Photographs<'_> {
-    fn of<'a>(&'a self, shape: &'a Shape) -> Photographed<'a> {
-        Photographed::new(self.views, self.targets, &shape.positions, &shape.faces)
-    }
-
-    /// The mean squared error of a surface's colours in the pixels of these that show it, with the colours that `others` give it.
+    /// The mean squared error, over all pixels of these masks, of what a surface shows with the colours that `others` give it: black
+    /// where it shows nothing. A surface that is dented follows noise, and shows at its rims.
     fn color_error(&self, shape: &Shape, others: &Self) -> f64 {
+        let Shape { positions, faces, topology, .. } = shape;
         let even = Exposure::even(others.views.len());
-        let colors = color::vertex_colors(&others.of(shape), &shape.topology, &even, None);
-        let shown = self.of(shape);
-        let one = |view: usize| {
-            let (mut sum, mut weights) = (0.0, 0.0);
-            shown.samples(&mut Sight::default(), view, |sample| {
-                let surface = sample.interpolate(&shape.faces, &colors);
-                let square: f32 = (0..3).map(|c| (surface[c] - sample.color[c]).powi(2)).sum();
-                sum += f64::from(sample.weight * square);
-                weights += f64::from(sample.weight);
-            });
-            [sum, weights]
+        let photographed = Photographed::new(others.views, others.targets, positions, faces);
+        let colors = color::vertex_colors(&photographed, topology, &even, None);
+        let drawn = Faces::of_valid(positions.len(), faces);
+        let one = |(target, view): (&Target, &&View)| {
+            let mut sight = Sight::default();
+            sight.look(target, positions, &drawn);
+            let (mut sum, mut count) = (0.0, 0.0);
+            let pixels = (0..target.height).flat_map(|i| (0..target.width).map(move |j| (i, j)));
+            for (i, j) in pixels {
+                if target.distance(j as f32 + 0.5, i as f32 + 0.5) > 0.0 {
+                    continue;
+                }
+                let shown = sight.color(i * target.width + j, faces, &colors).unwrap_or([0.0; 3]);
+                let pixel = view.color.pixel(target.top + i, target.left + j);
+                let of = |c: usize| f32::from(pixel[c.min(view.color.channels - 1)]) / 255.0;
+                sum += (0..3).map(|c| f64::from(shown[c] - of(c)).powi(2)).sum::<f64>();
+                count += 1.0;
+            }
+            [sum, count]
         };
-        let each: Vec<[f64; 2]> = (0..self.views.len()).into_par_iter().map(one).collect();
-        let [sum, weights] = [0, 1].map(|k| each.iter().map(|sums| sums[k]).sum::<f64>());
-        sum / weights.max(f64::MIN_POSITIVE)
+        let each: Vec<[f64; 2]> = self.targets.par_iter().zip(self.views).map(one).collect();
+        let [sum, count] = [0, 1].map(|k| each.iter().map(|sums| sums[k]).sum::<f64>());
+        sum / count.max(1.0)
     }
 }
 
