@@ -7,14 +7,7 @@ use std::path::Path;
 
 use mesh_core::io::{glb, ply};
 use mesh_core::{Limits, TriMesh, read_mesh, read_mesh_with_uvs, write_mesh};
-use samples::{colored, corner_uvs, textured};
-
-fn close(a: &[[f32; 3]], b: &[[f32; 3]], tolerance: f32) {
-    assert_eq!(a.len(), b.len());
-    for (x, y) in a.iter().flatten().zip(b.iter().flatten()) {
-        assert!((x - y).abs() <= tolerance, "{x} {y}");
-    }
-}
+use samples::{close, colored, corner_uvs, textured};
 
 #[test]
 fn colors_come_back_from_every_format() {

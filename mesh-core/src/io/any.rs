@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use super::open::Contents;
 #[cfg(feature = "3mf")]
 use super::threemf;
 use super::{ReadMeshError, Remark, WriteError, glb, obj, off, ply, stl};
@@ -59,10 +60,11 @@ pub fn read_mesh_with_uvs(
     remarks: &mut Vec<Remark>,
 ) -> Result<TriMesh, ReadMeshError> {
     let path = path.as_ref();
+    let contents = || Ok(Contents { only_uvs: true, ..Contents::of_file(path, limits)? });
     match extension(path).as_str() {
-        "obj" => obj::read_with_uvs(path, limits, remarks),
-        "ply" => ply::read_with_uvs(path, limits, remarks),
-        "glb" => glb::read_with_uvs(path, limits, remarks),
+        "obj" => obj::mesh(contents()?, remarks),
+        "ply" => ply::mesh(contents()?, remarks),
+        "glb" => glb::assemble(contents()?, remarks),
         // The others have none.
         _ => read_mesh_with(path, limits, remarks),
     }

@@ -31,3 +31,11 @@ pub fn corner_uvs(mesh: &TriMesh) -> Vec<[f32; 2]> {
     let texture = mesh.texture.as_ref().expect("a texture");
     texture.faces.iter().flatten().map(|&i| texture.uvs[i as usize]).collect()
 }
+
+/// Whether numbers agree.
+pub fn close(a: &[[f32; 3]], b: &[[f32; 3]], tolerance: f32) {
+    assert_eq!(a.len(), b.len());
+    for (x, y) in a.iter().flatten().zip(b.iter().flatten()) {
+        assert!((x - y).abs() <= tolerance, "{x} {y}");
+    }
+}

@@ -7,7 +7,7 @@ use mesh_core::{Camera, counted};
 use recon::delivery::apart_from;
 use train::DataError;
 
-use super::names::{Named, names_file, view_called};
+use super::names::{Named, view_called};
 
 /// A user's files, and which of them the system is given.
 #[derive(Clone)]
@@ -297,7 +297,7 @@ fn of_several_views(request: &Request<'_>) -> Option<&'static str> {
     let ReadOptions { only, axes, poses, focal_scale, object, turntable, .. } = &request.options;
     let own = |names: &[String]| {
         let file = request.path.file_name().unwrap_or_default().to_string_lossy();
-        names.iter().all(|name| names_file(&file, name))
+        names.iter().all(|name| datasets::is_called(&file, name))
     };
     let said = [
         ("--views", matches!(request.choice, Choice::Named(names) if !own(names))),

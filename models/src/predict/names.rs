@@ -46,12 +46,6 @@ pub(super) fn view_called(views: &[View], name: &str) -> Named {
     place.map_or(Named::Absent, Named::One)
 }
 
-/// Whether a name is that of a file: whole, without the extension, or as a number.
-pub(super) fn names_file(file: &str, name: &str) -> bool {
-    let numbers = (stem(file).parse::<u64>(), name.parse::<u64>());
-    is_stem_or_whole(file, name) || matches!(numbers, (Ok(a), Ok(b)) if a == b)
-}
-
 /// Whether both are the same but for an extension, which either may have.
 fn is_stem_or_whole(view: &str, name: &str) -> bool {
     view == name || stem(view) == name || view == stem(name)

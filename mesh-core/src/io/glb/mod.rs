@@ -6,7 +6,7 @@ mod read;
 mod soup;
 mod write;
 
-pub(super) use read::read_with_uvs;
+pub(super) use read::assemble;
 pub use read::{decode, decode_with, read, read_with};
 pub use write::{encode, encode_upright, write, write_upright};
 

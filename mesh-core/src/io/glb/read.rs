@@ -31,15 +31,6 @@ readers! {
     assemble
 }
 
-/// What [`read_mesh_with_uvs`](crate::read_mesh_with_uvs) gives of a GLB file.
-pub(in crate::io) fn read_with_uvs(
-    path: &Path,
-    limits: &Limits,
-    remarks: &mut Vec<Remark>,
-) -> Result<TriMesh, ReadMeshError> {
-    assemble(Contents { only_uvs: true, ..Contents::of_file(path, limits)? }, remarks)
-}
-
 /// What showing a part of a mesh is counted as, beside its vertices and triangles.
 const PER_PART: u64 = 32;
 
@@ -67,7 +58,10 @@ struct LeftOut {
     bare: usize,
 }
 
-fn assemble(contents: Contents<'_>, remarks: &mut Vec<Remark>) -> Result<TriMesh, ReadMeshError> {
+pub(in crate::io) fn assemble(
+    contents: Contents<'_>,
+    remarks: &mut Vec<Remark>,
+) -> Result<TriMesh, ReadMeshError> {
     let Contents { bytes, path, limits, mut budget, only_uvs, .. } = contents;
     let budget = &mut budget;
     let over = ReadMeshError::over_limit(path);

@@ -6,6 +6,6 @@ mod parse;
 mod read;
 mod write;
 
-pub(super) use read::read_with_uvs;
+pub(super) use read::mesh;
 pub use read::{decode, decode_with, read, read_with};
 pub use write::{companions, write};

@@ -1,13 +1,11 @@
 //! Reading OBJ as people have it.
 
-use std::path::Path;
-
 use super::mtl::Materials;
 use super::parse::{NONE, Parsed, UNCOLORED, parse};
 use crate::io::open::{self, Contents, readers};
 use crate::io::remark::counted;
 use crate::io::{ReadMeshError, Remark};
-use crate::{Budget, Image, Limits, Texture, TriMesh};
+use crate::{Budget, Image, Texture, TriMesh};
 
 readers! {
     /// Reads an OBJ file and the texture of its material library, or where there is none the materials' colours (`Kd`).
@@ -35,16 +33,10 @@ readers! {
     mesh
 }
 
-/// What [`read_mesh_with_uvs`](crate::read_mesh_with_uvs) gives of an OBJ file.
-pub(in crate::io) fn read_with_uvs(
-    path: &Path,
-    limits: &Limits,
+pub(in crate::io) fn mesh(
+    contents: Contents<'_>,
     remarks: &mut Vec<Remark>,
 ) -> Result<TriMesh, ReadMeshError> {
-    mesh(Contents { only_uvs: true, ..Contents::of_file(path, limits)? }, remarks)
-}
-
-fn mesh(contents: Contents<'_>, remarks: &mut Vec<Remark>) -> Result<TriMesh, ReadMeshError> {
     let Contents { bytes, path, limits, mut budget, root, only_uvs } = contents;
     let mut parsed = parse(&bytes, path, &mut budget, remarks)?;
     drop(bytes);

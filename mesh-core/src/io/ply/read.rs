@@ -8,7 +8,7 @@ use super::numbers::Numbers;
 use crate::io::open::{Contents, blank, readers, texture};
 use crate::io::remark::{counted, not_read};
 use crate::io::{ReadMeshError, Remark};
-use crate::{Budget, Limits, Texture, TriMesh};
+use crate::{Budget, Texture, TriMesh};
 
 readers! {
     /// Reads a PLY file: ASCII or binary, any order and type of properties.
@@ -30,16 +30,10 @@ readers! {
     mesh
 }
 
-/// What [`read_mesh_with_uvs`](crate::read_mesh_with_uvs) gives of a PLY file.
-pub(in crate::io) fn read_with_uvs(
-    path: &Path,
-    limits: &Limits,
+pub(in crate::io) fn mesh(
+    contents: Contents<'_>,
     remarks: &mut Vec<Remark>,
 ) -> Result<TriMesh, ReadMeshError> {
-    mesh(Contents { only_uvs: true, ..Contents::of_file(path, limits)? }, remarks)
-}
-
-fn mesh(contents: Contents<'_>, remarks: &mut Vec<Remark>) -> Result<TriMesh, ReadMeshError> {
     let Contents { bytes, path, limits, mut budget, root, only_uvs } = contents;
     let header = parse(&bytes, path, &mut budget)?;
     let parts = parts(&bytes, &header, path, &mut budget)?;

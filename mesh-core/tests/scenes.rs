@@ -1,0 +1,136 @@
+//! GLB as people and their programs write it: transforms, materials, seams.
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+mod common;
+mod samples;
+
+use common::glb_of;
+use mesh_core::io::glb;
+use mesh_core::{Limits, TriMesh};
+use samples::{close, colored, textured};
+
+#[test]
+fn glb_transforms_small_indices_strides_and_normalized_colors() {
+    // Three vertices of 12 bytes position and 4 bytes of colour, then indices of one byte.
+    let mut bin = Vec::new();
+    for (p, c) in [([0.0_f32, 0.0, 0.0], 0_u8), ([1.0, 0.0, 0.0], 255), ([0.0, 1.0, 0.0], 0)] {
+        bin.extend(p.iter().flat_map(|v| v.to_le_bytes()));
+        bin.extend([c, 0, 255, 255]);
+    }
+    bin.extend([0, 1, 2, 0]);
+    let json = r#"{"asset":{"version":"2.0"},"scenes":[{"nodes":[0]}],
+        "nodes":[{"children":[1],"translation":[10,0,0]},
+                 {"mesh":0,"scale":[2,2,-2],"rotation":[0,0,0.7071067811865476,0.7071067811865476]}],
+        "meshes":[{"primitives":[{"attributes":{"POSITION":0,"COLOR_0":1},"indices":2}]}],
+        "accessors":[
+          {"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"},
+          {"bufferView":0,"byteOffset":12,"componentType":5121,"normalized":true,"count":3,"type":"VEC4"},
+          {"bufferView":1,"componentType":5121,"count":3,"type":"SCALAR"}],
+        "bufferViews":[{"buffer":0,"byteLength":48,"byteStride":16},
+                       {"buffer":0,"byteOffset":48,"byteLength":3}],
+        "buffers":[{"byteLength":52}]}"#;
+    let mesh = glb::decode(&glb_of(json, &bin), "a.glb").unwrap();
+    let expected = [[10.0, 0.0, 0.0], [10.0, 2.0, 0.0], [8.0, 0.0, 0.0]];
+    close(&mesh.positions, &expected, 1e-6);
+    assert_eq!(mesh.faces, [[0, 2, 1]], "a mirror turns the winding round");
+    assert_eq!(mesh.colors.unwrap()[1], [1.0, 0.0, 1.0]);
+
+    let cycle = json.replace(r#""scale""#, r#""children":[0],"scale""#);
+    assert!(glb::decode(&glb_of(&cycle, &bin), "a.glb").unwrap_err().to_string().contains("twice"));
+    let compressed =
+        json.replace("{\"asset\"", "{\"extensionsRequired\":[\"KHR_draco\"],\"asset\"");
+    let error = glb::decode(&glb_of(&compressed, &bin), "a.glb").unwrap_err().to_string();
+    assert!(error.contains("KHR_draco"), "{error}");
+    let outside = json.replace("\"byteOffset\":48", "\"byteOffset\":17");
+    assert!(glb::decode(&glb_of(&outside, &bin), "a.glb").is_err());
+}
+
+/// In glTF a texture is multiplied by its material's colour and by its vertices'; parts without it have colours of their own.
+#[test]
+fn glb_textures_are_multiplied_by_their_material() {
+    let image = mesh_core::encode_png(&mesh_core::ByteImage {
+        height: 1,
+        width: 1,
+        channels: 3,
+        data: vec![200, 100, 255],
+    });
+    let mut bin = Vec::new();
+    for p in [[0.0_f32, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]] {
+        bin.extend(p.iter().flat_map(|v| v.to_le_bytes()));
+    }
+    for uv in [[0.0_f32, 0.0], [3.0, 0.0], [0.0, 1.0]] {
+        bin.extend(uv.iter().flat_map(|v| v.to_le_bytes()));
+    }
+    let length = image.len();
+    bin.extend(&image);
+    bin.resize(bin.len().next_multiple_of(4), 0);
+    let json = |primitives: &str| {
+        let surface = r#"{"pbrMetallicRoughness":{"baseColorFactor":[0.5,1,0,1],"baseColorTexture":{"index":0}}}"#;
+        let plain = r#"{"pbrMetallicRoughness":{"baseColorFactor":[1,0,0,1]}}"#;
+        format!(
+            r#"{{"asset":{{"version":"2.0"}},"scenes":[{{"nodes":[0]}}],"nodes":[{{"mesh":0}}],
+            "meshes":[{{"primitives":[{primitives}]}}],"materials":[{surface},{plain}],
+            "textures":[{{"source":0}}],"images":[{{"bufferView":2,"mimeType":"image/png"}}],
+            "accessors":[{{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"}},
+              {{"bufferView":1,"componentType":5126,"count":3,"type":"VEC2"}}],
+            "bufferViews":[{{"buffer":0,"byteLength":36}},{{"buffer":0,"byteOffset":36,"byteLength":24}},
+              {{"buffer":0,"byteOffset":60,"byteLength":{length}}}],
+            "buffers":[{{"byteLength":{}}}]}}"#,
+            bin.len()
+        )
+    };
+    let textured = r#"{"attributes":{"POSITION":0,"TEXCOORD_0":1},"material":0}"#;
+    let read = |primitives: &str| {
+        let bytes = glb_of(&json(primitives), &bin);
+        let mut remarks = Vec::new();
+        let mesh = glb::decode_with(&bytes, "a.glb", &Limits::default(), &mut remarks).unwrap();
+        (mesh, remarks.iter().map(ToString::to_string).collect::<Vec<_>>())
+    };
+    let (mesh, remarks) = read(textured);
+    assert!(remarks.is_empty() && mesh.colors.is_none(), "{remarks:?}");
+    let texture = mesh.texture.as_ref().unwrap();
+    // Half of the light of 200 is 146.
+    close(&[texture.color([0.5, 0.5])], &[[146.0 / 255.0, 100.0 / 255.0, 0.0]], 0.5 / 255.0);
+    let written = glb::encode(&mesh).unwrap();
+    assert!(written.windows(13).any(|w| w == b"\"wrapS\":10497"), "tiled, and not repeated");
+    let plain = r#"{"attributes":{"POSITION":0},"material":1}"#;
+    let (mesh, remarks) = read(&format!("{textured},{plain}"));
+    assert!(mesh.colors.is_none() && remarks.len() == 1, "{remarks:?}");
+    assert!(remarks[0].contains("3 corners take (0, 0)"), "{remarks:?}");
+    let tinted = textured.replace("\"POSITION\":0,", "\"POSITION\":0,\"COLOR_0\":0,");
+    let (mesh, remarks) = read(&format!("{textured},{tinted}"));
+    assert!(mesh.colors.is_none() && remarks[0].starts_with("1 part: colours"), "{remarks:?}");
+}
+
+#[test]
+fn vertices_at_one_place_stay_apart_in_what_we_write_and_are_joined_in_what_others_do() {
+    // Two triangles that touch in two places, each with its own vertices there.
+    let positions = vec![
+        [0.0; 3],
+        [1.0, 0.0, 0.0],
+        [0.0, 1.0, 0.0],
+        [1.0, 0.0, 0.0],
+        [0.0, 1.0, 0.0],
+        [1.0, 1.0, 1.0],
+    ];
+    let mesh = TriMesh::new(positions, vec![[0, 1, 2], [3, 5, 4]]);
+    let bytes = glb::encode(&mesh).unwrap();
+    assert_eq!(glb::decode(&bytes, "a.glb").unwrap(), mesh);
+    let at = bytes.windows(9).position(|w| w == b"mesh-core").unwrap();
+    let other = [&bytes[..at], b"some tool", &bytes[at + 9..]].concat();
+    let joined = glb::decode(&other, "a.glb").unwrap();
+    assert_eq!((joined.positions.len(), &joined.faces[..]), (4, &[[0, 1, 2], [1, 3, 2]][..]));
+}
+
+#[test]
+fn seams_are_joined_so_that_a_closed_mesh_stays_closed() {
+    let mut mesh = colored();
+    let uvs: Vec<[f32; 2]> = (0..12).map(|i| [i as f32 / 16.0, 0.5]).collect();
+    let faces = (0..4).map(|f| [3 * f, 3 * f + 1, 3 * f + 2]).collect();
+    let image = textured().texture.unwrap().image;
+    mesh.texture = Some(mesh_core::Texture { uvs, faces, image });
+    let back = glb::decode(&glb::encode(&mesh).unwrap(), "a.glb").unwrap();
+    assert_eq!(back.positions, mesh.positions);
+    assert_eq!(back.faces, mesh.faces);
+    assert_eq!(back.health().boundary_edges, 0);
+}
