@@ -82,6 +82,15 @@ pub(super) struct Alignment {
     gap: [f64; 2],
 }
 
+impl Alignment {
+    /// Whether outlines moved out of what is looked at.
+    fn is_lost(&self, shape: &Shape, targets: &[Target]) -> bool {
+        let side = |target: &Target| target.width.max(target.height) as f64;
+        let least = targets.iter().map(side).fold(f64::INFINITY, f64::min);
+        self.cameras.motion(shape, targets) > FARTHEST * least
+    }
+}
+
 impl Run<'_, '_> {
     /// Refines the cameras for the shape that a level ended with, and keeps them if that helps.
     pub(super) fn align(
@@ -133,10 +142,7 @@ impl Run<'_, '_> {
                 .map(|(given, target)| like(given, target.camera(), alignment.cameras.focal))
                 .collect();
             alignment.gap = [gap, consistency.gap(&refined)];
-            let motion = alignment.cameras.motion(shape, &self.train);
-            let side = |target: &Target| target.width.max(target.height) as f64;
-            let least = self.train.iter().map(side).fold(f64::INFINITY, f64::min);
-            if alignment.gap[1] > HELPS * gap || motion > FARTHEST * least {
+            if alignment.gap[1] > HELPS * gap || alignment.is_lost(shape, &self.train) {
                 alignment.cameras.give_back(&mut self.train);
                 measure(&mut self.train, config.blur());
                 shape.place(start);
