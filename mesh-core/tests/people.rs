@@ -45,6 +45,25 @@ fn obj_faces_may_name_vertices_that_come_later() {
     assert_eq!(mesh.faces, [[0, 1, 2]]);
 }
 
+/// An arrowhead whose fan from the first corner lies half outside.
+#[test]
+fn polygons_that_are_not_convex_keep_their_outline() {
+    let obj = obj_of("f 2 3 4 1\nv 2 1 0\nv 0 2 0\nv 0.5 1 0\nv 0 0 0");
+    let vertices = "2 1 0\n0 2 0\n0.5 1 0\n0 0 0\n";
+    let off = format!("OFF\n4 1 0\n{vertices}4 0 1 2 3\n");
+    let off = mesh_core::io::off::decode(off.as_bytes(), "arrow.off").unwrap();
+    let ply = format!(
+        "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n\
+         property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n\
+         {vertices}4 1 2 3 0\n"
+    );
+    let ply = ply::decode(ply.as_bytes(), "arrow.ply").unwrap();
+    assert_eq!(off.faces, [[0, 1, 2], [0, 2, 3]], "the fan from the tip will do");
+    for mesh in [obj, ply, off] {
+        assert!((mesh.area() - 1.5).abs() < 1e-6, "{}", mesh.area());
+    }
+}
+
 /// What reading leaves out, as a program says it.
 fn remarks_of(bytes: &[u8]) -> (TriMesh, Vec<String>) {
     let mut remarks = Vec::new();

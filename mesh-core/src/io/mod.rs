@@ -7,10 +7,13 @@
 //! | GLB | binary, node transforms on reading | linear floats | PNG inside |
 //! | STL | binary; text on reading | - | - |
 //! | 3MF | XML in a ZIP archive; only written, with the feature `3mf` | sRGB bytes | PNG inside |
-//! | OFF | text, polygons; only read | passed over | - |
+//! | OFF | text, polygons; only read | of vertices | - |
 //!
 //! Colours in memory are sRGB. Where a mesh has both colours and a texture, OBJ keeps both, GLB
 //! and 3MF keep the texture (a viewer would multiply the two) and PLY keeps the colours.
+//!
+//! Polygons become triangles: a fan from the first corner, or, where that would leave the polygon, ears that are cut off (up to 1,024
+//! corners).
 //!
 //! Readers take any bytes: what is wrong becomes an error that names the file, the line or field,
 //! what was found and what was expected; no length that a file claims is believed before the
@@ -41,6 +44,8 @@ pub mod off;
 mod open;
 #[cfg(feature = "files")]
 pub mod ply;
+#[cfg(feature = "files")]
+mod polygons;
 #[cfg(feature = "files")]
 mod remark;
 #[cfg(feature = "files")]

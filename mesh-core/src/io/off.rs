@@ -4,12 +4,13 @@ use std::iter::Enumerate;
 use std::path::Path;
 
 use super::open::{Contents, readers};
+use super::polygons::Polygons;
 use super::remark::counted;
 use super::{ReadMeshError, Remark};
 use crate::{Budget, TriMesh};
 
 readers! {
-    /// Reads an OFF file; polygons become fans of triangles, colours of vertices are read, those of faces
+    /// Reads an OFF file; polygons become triangles, colours of vertices are read, those of faces
     /// and normals passed over, faces of one or two corners and triangles that name a vertex twice left out.
     ///
     /// # Errors
@@ -55,7 +56,7 @@ fn parse(contents: Contents<'_>, remarks: &mut Vec<Remark>) -> Result<TriMesh, R
     let mut lines = Lines { path, rest: text.lines().enumerate() };
     let Header { vertices, faces, color } = header(&mut lines)?;
     let (positions, colors) = corners(&mut lines, vertices, color, &mut budget)?;
-    let faces = triangles(&mut lines, faces, vertices, &mut budget, remarks)?;
+    let faces = triangles(&mut lines, faces, &positions, &mut budget, remarks)?;
     Ok(TriMesh { positions, faces, colors, texture: None })
 }
 
@@ -128,16 +129,17 @@ fn corners(
     Ok((positions, color.map(|_| colors)))
 }
 
-/// The faces as fans of triangles; what is left out of them goes into `remarks`.
+/// The faces as triangles; what is left out of them goes into `remarks`.
 fn triangles(
     lines: &mut Lines<'_>,
     faces: usize,
-    vertices: usize,
+    positions: &[[f32; 3]],
     budget: &mut Budget,
     remarks: &mut Vec<Remark>,
 ) -> Result<Vec<[u32; 3]>, ReadMeshError> {
     let over = ReadMeshError::over_limit(lines.path);
-    let mut triangles = Vec::new();
+    let vertices = positions.len();
+    let (mut triangles, mut polygons) = (Vec::new(), Polygons::default());
     let (mut short, mut first_short, mut repeated) = (0, None, 0);
     for _ in 0..faces {
         let (line, text) = lines.next("faces", "as many as the header counts")?;
@@ -158,6 +160,7 @@ fn triangles(
             index.filter(|&index| index < vertices).ok_or_else(bad)
         };
         let (first, mut last) = (take()? as u32, take()? as u32);
+        let start = triangles.len();
         for _ in 2..count {
             let corner = take()? as u32;
             if first == last || last == corner || corner == first {
@@ -167,7 +170,11 @@ fn triangles(
             }
             last = corner;
         }
+        if triangles.len() - start == count - 2 {
+            polygons.note(start..triangles.len(), budget).map_err(&over)?;
+        }
     }
+    polygons.cut(positions, &mut triangles, None::<&mut [[(); 3]]>);
     counted(remarks, short, |count| Remark::ShortFaces { count, line: first_short });
     counted(remarks, repeated, |count| Remark::RepeatedVertices { count });
     Ok(triangles)

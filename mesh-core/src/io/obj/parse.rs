@@ -5,6 +5,7 @@ use std::ops::Range;
 use std::path::Path;
 
 use super::lines::{Lines, split_word};
+use crate::io::polygons::Polygons;
 use crate::io::remark::counted;
 use crate::io::{ReadMeshError, Remark};
 use crate::{Budget, OverLimit};
@@ -61,6 +62,7 @@ struct Parser<'a> {
     /// The largest index that no vertex had yet when a face named it, and the face's line: faces may
     /// name vertices that come later.
     pending: Vec<(u32, usize)>,
+    polygons: Polygons,
     short: usize,
     first_short: Option<usize>,
     repeated: usize,
@@ -79,6 +81,7 @@ pub(super) fn parse(
         parsed: Parsed::default(),
         known_libraries: BTreeSet::new(),
         pending: Vec::new(),
+        polygons: Polygons::default(),
         short: 0,
         first_short: None,
         repeated: 0,
@@ -139,6 +142,7 @@ impl Parser<'_> {
     /// Makes a fan of triangles of a polygon, as its corners come.
     fn face(&mut self, rest: &str, number: usize) -> Result<(), ReadMeshError> {
         let over = ReadMeshError::over_limit(self.path);
+        let start = self.parsed.faces.len();
         let mut fan: [Option<Corner>; 2] = [None; 2];
         let (mut corners, mut worst) = (0, None);
         for word in rest.split_whitespace() {
@@ -162,6 +166,10 @@ impl Parser<'_> {
             self.short += 1;
             self.first_short.get_or_insert(number);
             return Ok(());
+        }
+        let end = self.parsed.faces.len();
+        if end - start == corners - 2 {
+            self.polygons.note(start..end, self.budget).map_err(&over)?;
         }
         // Of faces that name what is not there, the first in the file is the one to report; one
         // that reaches no further than another before it never is.
@@ -261,6 +269,9 @@ impl Parser<'_> {
                 *uv = NONE;
             }
         }
+        let Parsed { positions, faces, uv_faces, .. } = &mut parsed;
+        let others = Some(&mut uv_faces[..]).filter(|uvs| !uvs.is_empty());
+        self.polygons.cut(positions, faces, others);
         let line = self.first_short;
         counted(remarks, self.short, |count| Remark::ShortFaces { count, line });
         counted(remarks, self.repeated, |count| Remark::RepeatedVertices { count });

@@ -10,7 +10,7 @@ use crate::{Budget, Image, Texture, TriMesh};
 readers! {
     /// Reads an OBJ file and the texture of its material library, or where there is none the materials' colours (`Kd`).
     ///
-    /// Vertices keep their order, used or not. Polygons become fans of triangles. Indices may be
+    /// Vertices keep their order, used or not. Polygons become triangles. Indices may be
     /// negative, corners may be `v`, `v/vt`, `v//vn` or `v/vt/vn` in any mixture, lines may end in LF, CR
     /// LF or CR or continue after a backslash, and `v` may carry a weight (ignored) or a colour. Where
     /// only some vertices have a colour the others are white; a material's colour is its vertices', where faces of several meet the

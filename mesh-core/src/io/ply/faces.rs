@@ -11,7 +11,7 @@ fn lists_vertices(property: &Property) -> bool {
     property.length.is_some() && matches!(property.name.as_str(), "vertex_indices" | "vertex_index")
 }
 
-/// Polygons, as fans of triangles.
+/// Polygons, as fans of triangles that are noted.
 pub(super) fn faces(
     element: &Element,
     numbers: &mut Numbers<'_>,
@@ -61,6 +61,7 @@ pub(super) fn faces(
         let uv = |k: usize| [texcoord[2 * k], texcoord[2 * k + 1]];
         let placed = texcoord.len() == 2 * polygon.len() && texcoord.iter().all(|v| v.is_finite());
         has_texcoord |= placed;
+        let first = parts.faces.len();
         for k in 1..polygon.len() - 1 {
             let is_whole = parts.triangle([polygon[0], polygon[k], polygon[k + 1]], budget);
             if !is_whole.map_err(&over)? {
@@ -70,6 +71,9 @@ pub(super) fn faces(
                 parts.bare += if placed { 0 } else { 3 };
                 budget.push(&mut corner_uvs, corners).map_err(&over)?;
             }
+        }
+        if parts.faces.len() - first == polygon.len() - 2 {
+            parts.polygons.note(first..parts.faces.len(), budget).map_err(&over)?;
         }
     }
     parts.corner_uvs = has_texcoord.then_some(corner_uvs);

@@ -6,6 +6,7 @@ use super::faces::{faces, strips};
 use super::header::{Element, Header, parse};
 use super::numbers::Numbers;
 use crate::io::open::{Contents, blank, readers, texture};
+use crate::io::polygons::Polygons;
 use crate::io::remark::{counted, not_read};
 use crate::io::{ReadMeshError, Remark};
 use crate::{Budget, Texture, TriMesh};
@@ -14,7 +15,7 @@ readers! {
     /// Reads a PLY file: ASCII or binary, any order and type of properties.
     ///
     /// Vertices need `x`, `y` and `z`; colours are `red`, `green`, `blue` (bytes, or floats in
-    /// `[0, 1]`); faces are `vertex_indices` or `vertex_index`, polygons become fans of triangles;
+    /// `[0, 1]`); faces are `vertex_indices` or `vertex_index`, polygons become triangles;
     /// `tristrips` are strips of triangles, which -1 ends. A texture is read where a comment
     /// `TextureFile` names one in the file's folder or below it and vertices (`s t`, `u v` or
     /// `texture_u texture_v`) or faces (`texcoord`) place it. Faces of one or two corners and triangles
@@ -63,6 +64,8 @@ pub(super) struct Parts {
     colors: Option<Vec<[f32; 3]>>,
     vertex_uvs: Option<Vec<[f32; 2]>>,
     pub(super) faces: Vec<[u32; 3]>,
+    /// Those that are polygons.
+    pub(super) polygons: Polygons,
     /// Texture coordinates of the corners of each triangle.
     pub(super) corner_uvs: Option<Vec<[[f32; 2]; 3]>>,
     /// Faces of fewer than three corners, and the line of the first.
@@ -78,7 +81,7 @@ type Placement = (Vec<[f32; 2]>, Vec<[u32; 3]>);
 
 impl Parts {
     fn mesh(
-        self,
+        mut self,
         path: &Path,
         budget: &mut Budget,
         remarks: &mut Vec<Remark>,
@@ -95,6 +98,8 @@ impl Parts {
                 format!("0 to {} ({count} vertices)", count as i64 - 1),
             ));
         }
+        let corners = self.corner_uvs.as_deref_mut().filter(|uvs| uvs.len() == self.faces.len());
+        self.polygons.cut(&self.positions, &mut self.faces, corners);
         let placed = match (self.corner_uvs, self.vertex_uvs) {
             (Some(corners), _) if corners.len() == self.faces.len() => {
                 counted(remarks, self.bare, |count| Remark::MissingTexcoords { count });
