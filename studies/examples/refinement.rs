@@ -1,5 +1,5 @@
 //! What refinement on the given views brings to predictions of img2mesh, beside `fit` with the same views, and to those of
-//! pixel2mesh, ode-pixel2mesh and mcmr on the one image.
+//! pixel2mesh, ode-pixel2mesh and mcmr on the one image; and what `predict --solid` makes of them.
 //!
 //! `cargo run --release -p unsphere-studies --example refinement -- weights/img2mesh.safetensors [KEY=VALUE ..]`: one line for
 //! each way to a mesh, of the objects for validation that the weights' configuration makes. `data=FOLDER` scores objects of a
@@ -13,7 +13,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use datasets::{ReadOptions, Views};
+use datasets::{ReadOptions, View, Views};
 use mesh_core::TriMesh;
 use models::img2mesh::{Data, Group, Img2Mesh, Img2MeshConfig, evaluate_meshes};
 use models::mcmr::Mcmr;
@@ -22,9 +22,9 @@ use models::pixel2mesh::{
     Continuous, Deformer, OdePixel2Mesh, Pixel2Mesh, Scored, SingleView, Staged,
 };
 use models::predict::Predictor;
-use recon::fit::{FitConfig, RefineConfig, fit, refine};
+use recon::fit::{FitConfig, FitError, RefineConfig, fit, refine, solidify};
 use recon::progress::Watch;
-use studies::pixel2mesh::refined;
+use studies::pixel2mesh::changed;
 use train::{Checkpoint, DataError, Source, Subset, System};
 
 /// What is asked for.
@@ -101,7 +101,12 @@ fn line(
     Ok(())
 }
 
-/// The lines of pixel2mesh and ode-pixel2mesh: as the network made it, and moved by the image's mask.
+/// As `predict --solid` leaves a mesh.
+fn solid(mesh: &TriMesh) -> Result<TriMesh, FitError> {
+    if mesh.self_intersections().is_empty() { Ok(mesh.clone()) } else { solidify(mesh) }
+}
+
+/// The lines of pixel2mesh and ode-pixel2mesh: as the network made it, as a solid, and moved by the image's mask.
 fn of_one_image<D: Deformer>(
     checkpoint: &Checkpoint<'_>,
     order: &Order,
@@ -120,11 +125,13 @@ where
         Ok(writeln!(out)?)
     };
     line("one pass", system.scored(&data, order.subset)?)?;
-    let views = system.shared().pairs.scored_views;
+    let views = (order.subset, system.shared().pairs.scored_views);
+    let solid = |pair: &Pair| changed(&system, pair, |mesh, _| solid(mesh));
+    line("as a solid", Scored::of(&data, views, solid)?)?;
     for &steps in &order.steps {
         let options = RefineConfig { steps, ..RefineConfig::default() };
-        let moved = |pair: &Pair| refined(&system, pair, &options);
-        let scored = Scored::of(&data, (order.subset, views), moved)?;
+        let moved = |mesh: &TriMesh, view: &View| refine(mesh, &[view.clone()], &options);
+        let scored = Scored::of(&data, views, |pair| changed(&system, pair, moved))?;
         line(&format!("refined, {steps} steps"), scored)?;
     }
     Ok(())
@@ -174,6 +181,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let scored = (&data, &config.system);
     let predict = |group: &Group| system.predict(&group.given).map_err(DataError::unfit);
     line("one pass", scored, &order, predict)?;
+    line("as a solid", scored, &order, |group| solid(&predict(group)?).map_err(DataError::unfit))?;
     for &steps in &order.steps {
         let options = RefineConfig { steps, ..order.refine.clone() };
         line(&format!("refined, {steps} steps"), scored, &order, |group| {

@@ -22,6 +22,7 @@ Examples:
   unsphere convert clock/mesh.glb -o clock.3mf --height 80mm  in colours
   unsphere convert part.stl -o part.glb --scale 0.001         metres, upright
   unsphere convert scan.ply -o small.glb --faces 5000         fewer triangles
+  unsphere convert parts.obj -o part.stl --solid              parts that overlap, as one
   unsphere convert cad.obj -o cad.glb --input-up z            +Z was up"
 )]
 pub(crate) struct ConvertMesh {
@@ -33,6 +34,12 @@ pub(crate) struct ConvertMesh {
     /// Replace what is there.
     #[arg(long)]
     pub(crate) force: bool,
+    /// Make one solid of a closed mesh whose parts or faces run through each other: the surface of all that it encloses.
+    ///
+    /// It is made anew on a lattice of 128 points along the longest side: edges are rounded, gaps narrower than three steps of it and
+    /// hollows within are filled. A texture becomes colours of the vertices.
+    #[arg(long)]
+    pub(crate) solid: bool,
     /// At most so many triangles. The mesh must be closed, all its faces turned to the same side, no vertex without
     /// faces or where parts only touch; so it stays. A texture becomes colours of the vertices.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(4..))]

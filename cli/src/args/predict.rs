@@ -26,6 +26,7 @@ share/unsphere/weights where it is installed, unsphere/weights among the user's 
 Examples:
   unsphere predict img2mesh views/ -o out                with its own weights
   unsphere predict pixel2mesh image.png -o out           from one image
+  unsphere predict pixel2mesh image.png --solid -o out   to be printed
   unsphere predict img2mesh views/ -c run -o out         with your weights
   unsphere predict img2mesh views/ -c run --views 4,9    from two of them
   unsphere predict img2mesh two/ -c run --score views/   scored by others
@@ -80,6 +81,10 @@ pub(crate) struct Predict {
     /// mesh-rcnn and 0 for the others.
     #[arg(long, value_name = "STEPS", value_parser = clap::value_parser!(u32).range(..=10_000))]
     pub(crate) refine: Option<u32>,
+    /// Where faces run through each other, make a solid of the mesh: the surface of all that it encloses, with other vertices than the
+    /// network's, and without a texture. A refined mesh seldom needs it.
+    #[arg(long)]
+    pub(crate) solid: bool,
     /// Also measure how long a prediction takes, and write it down: the median of five more.
     #[arg(long)]
     pub(crate) time: bool,

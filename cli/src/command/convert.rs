@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use mesh_core::{TriMesh, UpAxis, counted, simplify, write_mesh};
+use recon::fit::solidify;
 use serde::Serialize;
 
 use crate::args::{ConvertMesh, refuse_existing};
@@ -32,6 +33,10 @@ pub(crate) fn run(console: Console, arguments: &ConvertMesh) -> Result<(), Failu
     let mut mesh = read_mesh(console, input)?;
     if mesh.faces.is_empty() {
         return Err(Failure::Input(format!("{}: no faces, expected a surface", input.display())));
+    }
+    if arguments.solid {
+        let refused = |error| Failure::Input(format!("{}: --solid: {error}", input.display()));
+        mesh = solidify(&mesh).map_err(refused)?;
     }
     if is(output, "stl") && (mesh.colors.take().is_some() | mesh.texture.take().is_some()) {
         console.warn(format_args!("STL has no colours: {} is without", output.display()));

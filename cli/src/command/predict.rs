@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use models::predict::{
     Choice, Delivery, Familiarity, Metrics, Predictor, Request, deliver, milliseconds, refined,
+    solidified,
 };
 use recon::delivery::holes;
 use serde::Serialize;
@@ -73,7 +74,10 @@ pub(crate) fn run<S: Predictor>(console: Console, arguments: &Predict) -> Result
     let steps = arguments.refine.map_or(S::REFINE, |steps| steps as usize);
     let prediction = system.apply(&input).map_err(refused)?;
     let judged = familiarity.map(|known| known.judge(&prediction.features)).transpose();
-    let prediction = refined(prediction, &input, &S::refinement(steps)).map_err(refused)?;
+    let mut prediction = refined(prediction, &input, &S::refinement(steps)).map_err(refused)?;
+    if arguments.solid {
+        prediction = solidified(prediction).map_err(refused)?;
+    }
     let time = || milliseconds(&system, &input, TIMED).map_err(refused);
     let milliseconds = arguments.time.then(time).transpose()?;
     progress.say("scores, meshes, turntable, report");

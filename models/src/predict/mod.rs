@@ -2,7 +2,8 @@
 //!
 //! A [`Predictor`] says how files become its input, and makes of the [`PredictInput`] that was read a [`Prediction`];
 //! [`deliver`](deliver()) scores it at the cameras that were given and at those that were not, and writes meshes, turntable,
-//! report and figures. A [`Familiarity`] says how far the input is from what was trained on. [`refined`] moves the mesh until it agrees with the given views. [`milliseconds`] takes the time, for those who ask.
+//! report and figures. A [`Familiarity`] says how far the input is from what was trained on. [`refined`] moves the mesh until it agrees with the given views,
+//! [`solidified`] leaves of it what is seen from outside. [`milliseconds`] takes the time, for those who ask.
 //!
 //! ```no_run
 //! use models::img2mesh::Img2Mesh;
@@ -40,6 +41,6 @@ pub use input::{Choice, PredictInput, Request};
 pub use judgement::Judgement;
 pub use one_pass::OnePass;
 pub use predictor::{Detail, Prediction, Predictor, milliseconds};
-pub use refine::refined;
+pub use refine::{refined, solidified};
 pub(crate) use sighting::strongest;
 pub use sighting::{Features, Sighting};

@@ -1,6 +1,6 @@
-//! Refinement of predictions at test time.
+//! What is done to predictions at test time.
 
-use recon::fit::{RefineConfig, refine};
+use recon::fit::{RefineConfig, refine, solidify};
 use train::{DataError, PredictError};
 
 use super::input::PredictInput;
@@ -22,4 +22,20 @@ pub fn refined(
     }
     let mesh = refine(&prediction.mesh, &input.given, config).map_err(DataError::unfit)?;
     Ok(Prediction { before: Some(prediction.mesh), mesh, ..prediction })
+}
+
+/// Makes a solid of a mesh whose faces run through each other: [`solidify`]. How many pairs did is kept among the
+/// [`details`](Prediction::details), as `self-intersections-before`. A sound mesh stays as it is, and so does the mesh before any refinement.
+///
+/// # Errors
+/// If the mesh is not closed, or encloses nothing.
+pub fn solidified(prediction: Prediction) -> Result<Prediction, PredictError> {
+    let pairs = prediction.mesh.self_intersections().len();
+    if pairs == 0 {
+        return Ok(prediction);
+    }
+    let mesh = solidify(&prediction.mesh).map_err(DataError::unfit)?;
+    let mut details = prediction.details;
+    details.push(("self-intersections-before", vec![pairs as f64]));
+    Ok(Prediction { mesh, details, ..prediction })
 }

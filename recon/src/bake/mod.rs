@@ -26,6 +26,7 @@
 //! ```
 
 mod agreement;
+pub(crate) mod closest_colors;
 pub(crate) mod color;
 mod config;
 mod error;

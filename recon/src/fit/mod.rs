@@ -75,6 +75,7 @@ mod settle;
 mod shape;
 mod skin;
 mod solid;
+mod solidify;
 mod sparse_views;
 mod specks;
 mod start;
@@ -103,6 +104,7 @@ use photometric::Photographs;
 pub use placement::{Placement, bounding_sphere};
 pub use quality::{Quality, unused_detail};
 pub use refine::{RefineConfig, refine};
+pub use solidify::solidify;
 pub use stepper::Stepper;
 
 use alignment::{Alignment, Given};

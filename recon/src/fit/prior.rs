@@ -76,7 +76,7 @@ impl<'a> Prior<'a> {
 }
 
 /// Distance of each point from the surface of a closed mesh in steps, negative inside. Far from it that of a point nearby.
-fn distances(mesh: &TriMesh, lattice: &Lattice) -> Vec<f32> {
+pub(super) fn distances(mesh: &TriMesh, lattice: &Lattice) -> Vec<f32> {
     let [nx, ny, nz] = lattice.dims;
     let corner = |end: [f32; 3]| -> [f32; 3] {
         std::array::from_fn(|k| lattice.origin[k] + lattice.step * end[k])

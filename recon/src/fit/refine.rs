@@ -2,8 +2,7 @@
 
 use datasets::View;
 use mesh_core::vector::widen;
-use mesh_core::{ClosestPoint, Topology, TriMesh, bounds, untangle};
-use rayon::prelude::*;
+use mesh_core::{Topology, TriMesh, bounds, untangle};
 use train::settings::{LARGEST, Options as _};
 
 use super::config::{FitConfig, MARGIN};
@@ -15,6 +14,7 @@ use super::settle;
 use super::shape::Shape;
 use super::symmetry::mirrored;
 use super::target::Target;
+use crate::bake::closest_colors::closest_colors;
 use crate::bake::color;
 use crate::bake::exposure::Exposure;
 use crate::bake::sight::Photographed;
@@ -131,7 +131,7 @@ pub fn refine(mesh: &TriMesh, views: &[View], config: &RefineConfig) -> Result<T
     let Shape { mut positions, faces, topology, .. } = moved(&start, cell, &targets, config)?;
     // What cannot be mended stays: whoever asks for the mesh's health hears of it.
     let _ = untangle(&mut positions, &faces, &topology);
-    let before = guess.colors.as_ref().map(|colors| closest_colors(&guess, colors, &positions));
+    let before = closest_colors(&guess, &positions);
     let colored = |views: &[&View], targets: &[Target], before: Option<&[[f32; 3]]>| {
         let photographed = Photographed::new(views, targets, &positions, &faces);
         color::vertex_colors(&photographed, &topology, &Exposure::even(views.len()), before)
@@ -194,15 +194,6 @@ fn steps(
         }
     }
     Ok(())
-}
-
-/// For each position the colour of the closest point of a mesh.
-fn closest_colors(mesh: &TriMesh, colors: &[[f32; 3]], positions: &[[f32; 3]]) -> Vec<[f32; 3]> {
-    let surface = ClosestPoint::new(mesh);
-    let color = |p: &[f32; 3]| {
-        surface.find(*p).map_or([0.5; 3], |found| found.point.interpolate(mesh, colors))
-    };
-    positions.par_iter().map(color).collect()
 }
 
 /// Middle of the mesh's box, and half of its longest side.

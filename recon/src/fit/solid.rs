@@ -32,7 +32,7 @@ pub(super) struct Solid {
 }
 
 impl Solid {
-    /// The object in a lattice, as `targets` show it; `None` where there is nothing.
+    /// The object in a lattice, as `targets` show it, if there are any; `None` where there is nothing.
     pub(super) fn of(lattice: &Lattice, targets: &[Target]) -> Option<Self> {
         let links = Links::new();
         let width = SKIN * (lattice.pixel / lattice.step).max(1.0);
@@ -259,9 +259,9 @@ impl Parts {
         Self { of, count: count as usize }
     }
 
-    /// For each part whether it alone covers pixels of some mask.
+    /// For each part whether it alone covers pixels of some mask; without masks each is.
     fn needed(&self, lattice: &Lattice, targets: &[Target]) -> Vec<bool> {
-        if self.count <= 1 {
+        if self.count <= 1 || targets.is_empty() {
             return vec![true; self.count + 1];
         }
         let strides = lattice.strides();

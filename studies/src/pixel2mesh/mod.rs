@@ -8,7 +8,7 @@ mod retrieval;
 mod solvers;
 
 pub use memory::MemoryStudy;
-pub use object_frame::{ObjectFrameStudy, refined};
+pub use object_frame::{ObjectFrameStudy, changed};
 pub use planes::PlanesStudy;
 pub use solvers::SolversStudy;
 

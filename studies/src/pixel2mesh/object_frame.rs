@@ -1,12 +1,13 @@
 //! Pixel2Mesh in the object's own frame: the camera told, estimated from the image, or not needed.
 
+use datasets::View;
 use mesh_core::TriMesh;
 use models::paired::{Pair, PointScores, point_scores};
 use models::pixel2mesh::{
     CameraSource, Deformer, Estimate, Pixel2Mesh, Scored, Seen, SingleView, StagesConfig,
 };
 use ode_deform::solve::Stats;
-use recon::fit::{RefineConfig, refine};
+use recon::fit::{FitError, RefineConfig, refine};
 use train::{DataError, Subset};
 
 use super::{BLINDED, COLUMNS, QUICK as QUICKLY, with_scores};
@@ -100,7 +101,8 @@ impl Study for ObjectFrameStudy {
         let refined = |system: &Pixel2Mesh| {
             let views = system.shared().pairs.scored_views;
             let config = RefineConfig::default();
-            Scored::of(&data, (Subset::Test, views), |pair| refined(system, pair, &config))
+            let moved = |mesh: &TriMesh, view: &View| refine(mesh, &[view.clone()], &config);
+            Scored::of(&data, (Subset::Test, views), |pair| changed(system, pair, moved))
         };
         let row = |label: &str, scored: &Scored| with_scores(Row::new(TABLE, label), &data, scored);
         let (_, pair) = data.trial(Subset::Test, 1, 0)?;
@@ -182,14 +184,15 @@ fn with_camera(row: Row, scored: &Scored) -> Row {
         .with(Cell::smaller("flips, %", 100.0 * scored.flips(), 1))
 }
 
-/// The scores of a mesh that was moved until its outline agrees with the image's mask, and the work that the mesh took.
+/// The scores of what becomes of a prediction: of the mesh in the world of the image's camera, and the image with the camera that the
+/// mesh was seen by; and the work that the prediction took.
 ///
 /// # Errors
-/// If the mesh cannot be [refined](refine).
-pub fn refined<D: Deformer>(
+/// Those of `change`.
+pub fn changed<D: Deformer>(
     system: &SingleView<D>,
     pair: &Pair,
-    config: &RefineConfig,
+    change: impl Fn(&TriMesh, &View) -> Result<TriMesh, FitError>,
 ) -> Result<(PointScores, Stats), DataError> {
     let image = &*pair.image;
     let (mesh, stats, camera) = match system.seen(image) {
@@ -197,9 +200,8 @@ pub fn refined<D: Deformer>(
         Ok(Seen::Estimated(Estimate { mesh, stats, camera, .. })) => (mesh, stats, camera),
         Err(_) => return Ok((point_scores(&TriMesh::default(), &pair.truth), Stats::default())),
     };
-    let view = datasets::View { camera, ..image.view() };
     let world = image.frame.mesh_in_world(mesh);
-    let world = refine(&world, &[view], config).map_err(DataError::unfit)?;
+    let world = change(&world, &View { camera, ..image.view() }).map_err(DataError::unfit)?;
     Ok((point_scores(&image.frame.mesh_placed(&world), &pair.truth), stats))
 }
 
