@@ -25,11 +25,15 @@ pub(crate) fn read_views(
     let read = datasets::read_views(path, options, &|done, all| progress.set(done, all));
     read.map_err(|error| match error.problem {
         ViewsProblem::SeesNothing { .. } => explained(path, options, error),
-        ViewsProblem::Field { ref field, .. } if options.only.is_some() && field == "views" => {
+        ViewsProblem::Field { ref field, .. } if names_views(options) && field == "views" => {
             named(path, options, error)
         }
         _ => error.into(),
     })
+}
+
+fn names_views(options: &ReadOptions) -> bool {
+    options.only.is_some() || !options.except.is_empty()
 }
 
 /// How views are read where what is far from the object is not kept.
@@ -45,8 +49,12 @@ pub(crate) fn add_scored(
     reading: &ReadOptions,
 ) -> Result<(), Failure> {
     let fitted = views.len();
-    // The list of names is of the views that are worked on.
-    let others = read_views(console, path, &ReadOptions { only: None, ..reading.clone() })?;
+    // Names are those of the views that are worked on.
+    let others = read_views(
+        console,
+        path,
+        &ReadOptions { only: None, except: Vec::new(), ..reading.clone() },
+    )?;
     let all = others.len();
     let apart = apart_from(others.views, &views.views);
     let path = path.display();
@@ -87,12 +95,18 @@ pub(crate) fn up_axis(console: Console, asked: UpOrAuto, views: &Views) -> UpAxi
 fn named(path: &Path, options: &ReadOptions, error: ReadViewsError) -> Failure {
     /// Names listed; more are not read.
     const MOST: usize = 12;
-    let all = ReadOptions { only: None, allow_missing: true, ..options.clone() };
+    let all =
+        ReadOptions { only: None, except: Vec::new(), allow_missing: true, ..options.clone() };
     // What is wrong with all of them is no matter of the list.
     let Ok(views) = datasets::read_views(path, &all, &|_, _| ()) else { return error.into() };
     let names: Vec<&str> = views.views.iter().take(MOST).map(|view| view.name.as_str()).collect();
     let more = if views.len() > MOST { ", .." } else { "" };
-    Failure::Input(format!("{error} (--only): there are {}{more}", names.join(", ")))
+    let option = match (&options.only, options.except.as_slice()) {
+        (Some(_), []) => "--only",
+        (None, _) => "--except",
+        (Some(_), _) => "--only, --except",
+    };
+    Failure::Input(format!("{error} ({option}): there are {}{more}", names.join(", ")))
 }
 
 /// Why cameras do not see what the masks show, if the views tell.

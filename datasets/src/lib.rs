@@ -114,6 +114,7 @@ mod unknown_layout;
 mod validate;
 mod view;
 mod view_error;
+mod wanted;
 
 pub use backdrop::mask_from_backdrop;
 pub use convention::{CameraAxes, Convention, PoseDirection};

@@ -26,6 +26,8 @@ pub struct ReadOptions {
     pub erode: usize,
     /// The only views that are read, by their names or their images' file names ([`is_called`](crate::is_called)); `None` reads all.
     pub only: Option<Vec<String>>,
+    /// Views that are not read, by names like those; what cannot be read of them is no error.
+    pub except: Vec<String>,
     /// Rows above and below, columns left and right that are no part of a scene with a plain backdrop: bars of a video. Found by
     /// itself where [`MaskSource::Backdrop`] has no colour.
     pub bars: [usize; 4],
@@ -149,6 +151,7 @@ impl Default for ReadOptions {
             dilate: 0,
             erode: 0,
             only: None,
+            except: Vec::new(),
             bars: [0; 4],
             invert: false,
             background: [0; 3],

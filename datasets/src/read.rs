@@ -11,11 +11,11 @@ use crate::consistency;
 use crate::convention::reread;
 use crate::error::ReadViewsError;
 use crate::mask::clean_mask;
-use crate::names::Names;
 use crate::options::{MaskSource, OnInconsistent, ReadOptions};
 use crate::segment::segment_by_color;
 use crate::source::{Opened, Source};
 use crate::view::{Layout, View, Views};
+use crate::wanted::Wanted;
 
 /// One view that waits to be read by whichever thread comes first.
 pub(crate) type Pending<'a> =
@@ -153,8 +153,7 @@ impl Reader<'_, '_> {
         let mut views = Vec::with_capacity(decoded.len());
         let (mut test, mut unread) = (Vec::new(), None);
         let mut held = 0;
-        let only = options.only.as_ref().map(|only| Names::of(only.iter().map(String::as_str)));
-        let wants = |view: &str| only.as_ref().is_none_or(|only| only.has(view));
+        let (wanted, mut left_out) = (Wanted::of(options), Vec::new());
         for (at, result) in decoded.into_iter().enumerate() {
             let index = self.which.map_or(at, |which| which[at]);
             // What was passed over comes before what is too much, so that the error is the same for any number of threads.
@@ -164,9 +163,10 @@ impl Reader<'_, '_> {
             held += result.as_ref().map_or(0, |view| view.bytes() as u64);
             check_budget(path, options, held)?;
             match result {
-                Ok(view) if !wants(&view.name) => {}
+                Ok(view) if !wanted.has(&view.name) => left_out.push(view.name),
                 // What is not wanted may be what cannot be read; or it is the file of all cameras, and a view will be missed.
-                Err(error) if !wants(&error.path.to_string_lossy()) => {
+                Err(error) if !wanted.has(&error.path.to_string_lossy()) => {
+                    left_out.push(error.path.to_string_lossy().into_owned());
                     unread = unread.or(Some(error));
                 }
                 Ok(view) => {
@@ -181,7 +181,7 @@ impl Reader<'_, '_> {
                 Err(error) => return Err(error),
             }
         }
-        self.complete(&views, unread)?;
+        self.complete(&views, (&wanted, &left_out), unread)?;
         Ok(Kept { views, test })
     }
 
@@ -189,17 +189,19 @@ impl Reader<'_, '_> {
     fn complete(
         &self,
         views: &[View],
+        (wanted, left_out): (&Wanted<'_>, &[String]),
         unread: Option<ReadViewsError>,
     ) -> Result<(), ReadViewsError> {
-        let missed = self.options.only.as_ref().and_then(|only| {
-            let read = Names::of(views.iter().map(|view| view.name.as_str()));
-            only.iter().find(|name| !read.has(name))
-        });
-        if let Some(name) = missed {
+        let kept: Vec<&str> = views.iter().map(|view| view.name.as_str()).collect();
+        let left_out: Vec<&str> = left_out.iter().map(String::as_str).collect();
+        if let Some((name, expected)) = wanted.missed(&kept, &left_out) {
             let why =
                 unread.map_or_else(String::new, |error| format!(" that can be read: {error}"));
             let found = format!("none called {name}{why}");
-            return Err(ReadViewsError::field(self.path, "views", found, "those that are named"));
+            return Err(ReadViewsError::field(self.path, "views", found, expected));
+        }
+        if views.is_empty() && !left_out.is_empty() && self.options.only.is_none() {
+            return Err(ReadViewsError::field(self.path, "views", "all left out", "one at least"));
         }
         if views.is_empty() && !self.chosen.is_empty() {
             return Err(ReadViewsError::field(

@@ -54,6 +54,7 @@ fn mistakes() -> Vec<(&'static str, Vec<(String, Planted)>)> {
             sized(&[1.0, 2.0, 4.0, 8.0], " px", &|v| Planted::PrincipalPoint([v, -0.5 * v])),
         ),
         ("one view of 24", sized(&[1.0, 2.0, 5.0, 15.0, 45.0], "°", &Planted::OneView)),
+        ("one camera of 24 aside", sized(&[0.1, 1.0, 100.0], " distances", &Planted::OneAside)),
         ("masks too large", pixels(Planted::Dilated)),
         ("masks too small", pixels(Planted::Eroded)),
         ("inverted masks", vec![(String::new(), Planted::Inverted)]),

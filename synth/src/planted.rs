@@ -39,6 +39,8 @@ pub enum Planted {
     PrincipalPoint([f64; 2]),
     /// One view is said to be taken so many degrees further around the object.
     OneView(f64),
+    /// One camera is said to stand aside by so many times its distance from the object.
+    OneAside(f64),
     /// All masks are larger by so many pixels.
     Dilated(usize),
     /// All masks are smaller by so many pixels.
@@ -99,6 +101,12 @@ impl Planted {
                 let count = views.len();
                 let axis = direction(&mut rng);
                 orbit(&mut views[count / 3], around, axis * degrees.to_radians());
+            }
+            Self::OneAside(distances) => {
+                let count = views.len();
+                let camera = &mut views[count / 3].camera;
+                let depth = camera.project(around).depth;
+                camera.translation += distances * depth * direction(&mut rng);
             }
             Self::Dilated(pixels) => grow(&mut views, pixels, 255),
             Self::Eroded(pixels) => grow(&mut views, pixels, 0),

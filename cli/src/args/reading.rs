@@ -50,6 +50,9 @@ pub(crate) struct Reading {
     /// Only the views that a text file names, one a line.
     #[arg(long, value_name = "FILE", value_parser = view_names)]
     pub(crate) only: Option<ViewNames>,
+    /// Leave out these views: names as `data inspect` and `fit` say them.
+    #[arg(long, value_name = "NAME,..", value_delimiter = ',')]
+    pub(crate) except: Vec<String>,
     /// Masks mark the background instead of the object.
     #[arg(long)]
     pub(crate) invert_masks: bool,
@@ -108,6 +111,7 @@ impl Reading {
             dilate: self.dilate_masks as usize,
             erode: self.erode_masks as usize,
             only: self.only.clone().map(|names| names.0),
+            except: self.except.clone(),
             axes: self.axes,
             poses: self.poses,
             focal_scale: self.focal_scale,

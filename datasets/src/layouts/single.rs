@@ -86,6 +86,7 @@ impl SingleObject {
         // where only some are wanted.
         let whole = ReadOptions {
             only: None,
+            except: Vec::new(),
             mask: MaskSource::Whole,
             masks: None,
             depth: false,

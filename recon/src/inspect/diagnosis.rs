@@ -10,6 +10,7 @@ use super::finer;
 use super::hull::{Sphere, agreement, bounding_sphere, coincide};
 use super::lens::LensFit;
 use super::mask_view::MaskView;
+use super::outliers::Outliers;
 use super::poses_read::{self, PosesRead};
 use super::reading::Reading;
 
@@ -23,6 +24,8 @@ const FEW_SAMPLES: usize = 140;
 const POINTS: usize = 2000;
 /// A focal length that leaves more of the masks unexplained than this is not what is wrong.
 const EXPLAINS: f64 = 0.85;
+/// Below this agreement a few views alone may be what is wrong.
+const SUSPECT: f64 = 0.97;
 /// Factors of the focal length that are tried, 1 among them.
 const LEAST_FACTOR: f64 = 0.4;
 const FACTORS: i32 = 12;
@@ -206,6 +209,12 @@ pub(crate) fn diagnose(
     if inverted || (points.is_none() && mask_views.len() < 3) {
         return (found, problems, sphere);
     }
+    if points.is_none() && found.hull_iou.is_none_or(|iou| iou < SUSPECT) {
+        if let Some(outliers) = Outliers::of(mask_views) {
+            problems.push(outlier_problem(views, &outliers, found.hull_iou));
+            return (found, problems, sphere);
+        }
+    }
     let step = mask_views.len().div_ceil(SEARCHED);
     let searched: Vec<MaskView> = mask_views.iter().step_by(step).cloned().collect();
     let judge = Judge { mask_views: &searched, points: points.as_deref() };
@@ -214,6 +223,23 @@ pub(crate) fn diagnose(
         finer::look(views, sphere, &mut found, &mut problems);
     }
     (found, problems, sphere)
+}
+
+fn outlier_problem(views: &[View], outliers: &Outliers, iou: Option<f64>) -> Problem {
+    let names: Vec<&str> = outliers.views.iter().map(|&k| views[k].name.as_str()).collect();
+    let [fits, wrong, them] = if names.len() == 1 {
+        ["fits", "its camera or its mask is wrong", "it"]
+    } else {
+        ["fit", "their cameras or masks are wrong", "them"]
+    };
+    let message = format!(
+        "{} {fits} none of the others: {wrong}; leave {them} out by --except {} (agreement {:.3} instead of {:.3})",
+        some_of(&names, views.len()),
+        names.join(","),
+        outliers.without,
+        iou.unwrap_or(0.0)
+    );
+    Problem::new("outliers", message)
 }
 
 /// What the masks alone show.

@@ -1,13 +1,15 @@
 //! The visual hull: the largest body that all masks allow.
 
 use mesh_core::bounds::longest_side;
-use mesh_core::{Ray, VoxelGrid};
+use mesh_core::{MedianOfEven, Ray, VoxelGrid, median};
 use rayon::prelude::*;
 
 use super::mask_view::MaskView;
 
 /// Steps along a ray through the sphere that holds the object.
 const STEPS: usize = 160;
+/// Axes of which each two are asked for their point.
+const CONSENSUS: usize = 24;
 
 /// A sphere that holds what the masks show, if the cameras are right.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,28 +37,63 @@ pub(crate) fn bounding_sphere(views: &[MaskView]) -> Option<Sphere> {
     if coincide(views) {
         return None;
     }
-    let boxes: Vec<(&MaskView, [f64; 4])> =
-        views.iter().filter_map(|view| Some((view, view.bounds()?))).collect();
-    let axis = |(view, [l, t, r, b]): &(&MaskView, [f64; 4])| {
-        view.camera.ray((l + r) / 2.0, (t + b) / 2.0)
-    };
-    let center = Ray::nearest_point(boxes.iter().map(axis))?;
-    let mut radii = Vec::new();
-    for (view, [l, t, r, b]) in &boxes {
-        if view.camera.is_perspective() && view.camera.project(center).depth <= 0.0 {
-            continue;
-        }
-        let corners = [[*l, *t], [*l, *b], [*r, *t], [*r, *b]];
-        let far = corners.map(|[column, row]| view.camera.ray(column, row).distance(center));
-        radii.push(far.into_iter().fold(0.0, f64::max));
-    }
-    if 2 * radii.len() < boxes.len() {
-        return None;
-    }
+    let cones = Cones::of(views);
+    let center = Ray::nearest_point(cones.axes.iter().copied())?;
     // A single camera that looks elsewhere must not blow the sphere up.
-    radii.sort_by(f64::total_cmp);
-    let radius = radii[(radii.len() - 1) * 9 / 10];
-    (radius.is_finite() && radius > 0.0).then_some(Sphere { center, radius: 1.1 * radius })
+    cones.around(center, 0.9)
+}
+
+/// The same where some of the cameras may be anywhere: around the point of two axes that half of all come nearest to, as wide as the
+/// median of the cones with half as much again.
+pub(crate) fn consensus_sphere(views: &[MaskView]) -> Option<Sphere> {
+    let cones = Cones::of(views);
+    let step = cones.axes.len().div_ceil(CONSENSUS).max(1);
+    let tried: Vec<Ray> = cones.axes.iter().copied().step_by(step).collect();
+    let pairs = (0..tried.len()).flat_map(|i| (0..i).map(move |j| [i, j]));
+    let points = pairs.filter_map(|pair| Ray::nearest_point(pair.map(|k| tried[k])));
+    let away = |point: &[f64; 3]| {
+        let distances = cones.axes.iter().map(|axis| axis.distance(*point));
+        median(distances, MedianOfEven::Upper).unwrap_or(f64::INFINITY)
+    };
+    let center = points.map(|point| (away(&point), point)).min_by(|a, b| a.0.total_cmp(&b.0))?.1;
+    let sphere = cones.around(center, 0.5)?;
+    Some(Sphere { radius: 1.5 * sphere.radius, ..sphere })
+}
+
+/// The boxes of the masks that are not empty, and the rays through their middles.
+struct Cones<'a> {
+    boxes: Vec<(&'a MaskView, [f64; 4])>,
+    axes: Vec<Ray>,
+}
+
+impl<'a> Cones<'a> {
+    fn of(views: &'a [MaskView]) -> Self {
+        let boxes: Vec<(&MaskView, [f64; 4])> =
+            views.iter().filter_map(|view| Some((view, view.bounds()?))).collect();
+        let axis = |(view, [l, t, r, b]): &(&MaskView, [f64; 4])| {
+            view.camera.ray((l + r) / 2.0, (t + b) / 2.0)
+        };
+        Self { axes: boxes.iter().map(axis).collect(), boxes }
+    }
+
+    /// The sphere around a point that is as wide as this share of the cones; `None` where most cameras have it behind them.
+    fn around(&self, center: [f64; 3], share: f64) -> Option<Sphere> {
+        let mut radii = Vec::new();
+        for (view, [l, t, r, b]) in &self.boxes {
+            if view.camera.is_perspective() && view.camera.project(center).depth <= 0.0 {
+                continue;
+            }
+            let corners = [[*l, *t], [*l, *b], [*r, *t], [*r, *b]];
+            let far = corners.map(|[column, row]| view.camera.ray(column, row).distance(center));
+            radii.push(far.into_iter().fold(0.0, f64::max));
+        }
+        if 2 * radii.len() < self.boxes.len() {
+            return None;
+        }
+        radii.sort_by(f64::total_cmp);
+        let radius = *radii.get((share * radii.len().saturating_sub(1) as f64) as usize)?;
+        (radius.is_finite() && radius > 0.0).then_some(Sphere { center, radius: 1.1 * radius })
+    }
 }
 
 /// For each view the share of its mask that the hull of all masks covers.
@@ -99,16 +136,26 @@ impl<'a> Others<'a> {
         Self { order: order.into_iter().map(|(_, view)| view).collect() }
     }
 
-    fn allow_some(&self, view: &MaskView, [column, row]: [f64; 2], sphere: Sphere) -> bool {
-        let ray = view.camera.ray(column, row);
-        let to: [f64; 3] = std::array::from_fn(|a| sphere.center[a] - ray.origin[a]);
-        let middle: f64 = (0..3).map(|a| to[a] * ray.direction[a]).sum();
-        (0..STEPS).any(|step| {
-            let t = middle + sphere.radius * ((2 * step + 1) as f64 / STEPS as f64 - 1.0);
-            let p = std::array::from_fn(|a| ray.origin[a] + t * ray.direction[a]);
-            (t > 0.0 || !view.camera.is_perspective()) && self.order.iter().all(|o| o.allows(p))
-        })
+    fn allow_some(&self, view: &MaskView, pixel: [f64; 2], sphere: Sphere) -> bool {
+        some_on_ray(view, pixel, sphere, |p| self.order.iter().all(|o| o.allows(p)))
     }
+}
+
+/// Whether some point that a pixel of a view shows, within the sphere, is as asked for.
+pub(crate) fn some_on_ray(
+    view: &MaskView,
+    [column, row]: [f64; 2],
+    sphere: Sphere,
+    is_wanted: impl Fn([f64; 3]) -> bool,
+) -> bool {
+    let ray = view.camera.ray(column, row);
+    let to: [f64; 3] = std::array::from_fn(|a| sphere.center[a] - ray.origin[a]);
+    let middle: f64 = (0..3).map(|a| to[a] * ray.direction[a]).sum();
+    (0..STEPS).any(|step| {
+        let t = middle + sphere.radius * ((2 * step + 1) as f64 / STEPS as f64 - 1.0);
+        let p = std::array::from_fn(|a| ray.origin[a] + t * ray.direction[a]);
+        (t > 0.0 || !view.camera.is_perspective()) && is_wanted(p)
+    })
 }
 
 /// The hull on a grid of `side` cells along the longest side of its box, in two passes.

@@ -40,6 +40,7 @@ mod hull;
 mod lens;
 mod mask_edge;
 mod mask_view;
+mod outliers;
 mod page;
 mod poses_read;
 mod reading;
