@@ -24,12 +24,11 @@ pub trait Module<F: Real = f32> {
         count
     }
 
-    /// Sets whether the parameters whose path begins with `prefix` are trained. Buffers (running
-    /// statistics) must not be made trainable, so name what you mean.
+    /// Sets whether the parameters whose path begins with `prefix` are trained. [Buffers](Param::buffer) never are.
     fn set_trainable(&mut self, prefix: &str, trainable: bool) {
         self.visit_mut("", &mut |path: &str, p: &mut Param<F>| {
             if has_prefix(path, prefix) {
-                p.trainable = trainable;
+                p.trainable = trainable && !p.is_buffer();
             }
         });
     }

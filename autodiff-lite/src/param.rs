@@ -30,6 +30,7 @@ pub struct Param<F: Real = f32> {
     pub value: Tensor<F>,
     /// Whether gradients are wanted and optimisers may write.
     pub trainable: bool,
+    buffer: bool,
 }
 
 impl<F: Real> Param<F> {
@@ -38,7 +39,7 @@ impl<F: Real> Param<F> {
     /// # Shapes
     /// Any, which the parameter then has for good.
     pub fn new(value: impl Into<Tensor<F>>) -> Self {
-        Self { id: ParamId::fresh(), value: value.into(), trainable: true }
+        Self { id: ParamId::fresh(), value: value.into(), trainable: true, buffer: false }
     }
 
     /// A parameter that is saved but not trained.
@@ -46,7 +47,12 @@ impl<F: Real> Param<F> {
     /// # Shapes
     /// Any, which the parameter then has for good.
     pub fn buffer(value: impl Into<Tensor<F>>) -> Self {
-        Self { trainable: false, ..Self::new(value) }
+        Self { trainable: false, buffer: true, ..Self::new(value) }
+    }
+
+    /// Whether it was made as a [`buffer`](Self::buffer): one that is not trained whatever else is.
+    pub fn is_buffer(&self) -> bool {
+        self.buffer
     }
 
     /// Its identity.

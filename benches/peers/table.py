@@ -108,7 +108,8 @@ def main():
         work, here = flops(name), mine.get(name)
         for peer, value in by_id.get(name, [("", None)]):
             ratio = "-"
-            if here and value:
+            # What was measured on another machine has none.
+            if here and value and "(quoted)" not in peer:
                 ratio = f"{value / here:.{2 if value < 10 * here else 0}f}"
             print(f"| {name} | {cell(here, work)} | {peer} | {cell(value, work)} | {ratio} |")
 

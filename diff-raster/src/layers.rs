@@ -141,7 +141,7 @@ impl<F: Real> LayeredFragments<F> {
 /// # Cost
 /// Each face at each pixel of its enlarged box, on one lane, in parallel over bands of rows.
 /// # Panics
-/// If the last axis is not 3, or `V` is not the vertex count of `faces`.
+/// If the last axis is not 3, `V` is not the vertex count of `faces`, or the blur radius is below 0 or not a number.
 /// # References
 /// Ravi et al. 2020, *Accelerating 3D Deep Learning with PyTorch3D*.
 pub fn rasterize_layers<F: Real>(
@@ -157,6 +157,8 @@ pub fn rasterize_layers<F: Real>(
             faces.vertex_count(),
             projected.shape()
         );
+        let radius = settings.blur_radius;
+        assert!(radius >= 0.0, "rasterize_layers: blur_radius {radius}, expected at least 0");
         let slots = batch * settings.height * settings.width * settings.faces_per_pixel;
         let mut centers = Centers::default();
         centers.prepare(settings.height, settings.width);

@@ -58,7 +58,8 @@
 //!   silhouette operations.
 //! - Results are the same bits for any number of threads. They differ in rounding between
 //!   instruction sets, because some have fused multiply-add.
-//! - Two faces that share an edge leave no pixel between them, and no face is ever drawn mirrored:
+//! - Two faces that share an edge leave no pixel between them, and no face is ever drawn mirrored (but by
+//!   [`Settings::published`], which has no near plane):
 //!   one with a corner at or behind the near plane, or with a coordinate that is not finite, is
 //!   dropped whole.
 //! - No limit on faces, faces per pixel or image size, other than [`Settings::max_faces`], which

@@ -97,6 +97,7 @@ pub fn rasterize_into<F: Real>(
         projected.shape(),
         faces.vertex_count()
     );
+    settings.check();
     let own = fragments;
     let pixels = settings.pixels();
     own.batch = batch;

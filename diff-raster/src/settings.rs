@@ -79,6 +79,16 @@ impl Settings {
         }
     }
 
+    /// Numbers with which a silhouette is a probability.
+    #[track_caller]
+    pub(crate) fn check(&self) {
+        let Self { sigma_inv, box_length, near, .. } = *self;
+        assert!(
+            sigma_inv >= 0.0 && box_length >= 0.0 && !near.is_nan(),
+            "rasterize: sigma_inv {sigma_inv}, box_length {box_length}, near {near}, expected the first two at least 0"
+        );
+    }
+
     /// Number of pixels of one image.
     pub fn pixels(&self) -> usize {
         self.height * self.width

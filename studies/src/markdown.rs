@@ -8,7 +8,7 @@ use crate::verdict::{Judged, Verdict};
 
 /// What the cells say, where something needs to be said.
 pub(crate) const CELLS: &str = "A cell is the mean over the seeds; in square brackets the 95 % interval of the mean, where there are values by object; \
-                                in round brackets the values of the seeds. The best mean is bold, whatever chance has to do with it: what is \
+                                in round brackets the values of the seeds. The best mean of rows with as many seeds as any is bold, whatever chance has to do with it: what is \
                                 more than chance stands under Claims.";
 /// How claims are judged.
 pub(crate) const RULE: &str = "Rows are paired object by object within each seed; a claim holds if the 95 % interval of the mean difference, or of \
@@ -75,7 +75,7 @@ fn write_table(table: &Table, text: &mut String) {
     text.push_str(&"---:|".repeat(table.columns.len() + 1));
     text.push('\n');
     for row in &table.rows {
-        let _ = write!(text, "| {} |", escaped(&row.label));
+        let _ = write!(text, "| {} |", escaped(&table.label(row)));
         for column in 0..table.columns.len() {
             let cell = table.cell(row, column);
             let mean =

@@ -92,7 +92,7 @@ fn write_table(table: &Table, body: &mut String) {
     }
     body.push_str("<th>time</th></tr>");
     for row in &table.rows {
-        let _ = write!(body, "<tr><th>{}</th>", escape(&row.label));
+        let _ = write!(body, "<tr><th>{}</th>", escape(&table.label(row)));
         for column in 0..table.columns.len() {
             let cell = table.cell(row, column);
             let mean = if table.is_best(row, column) {

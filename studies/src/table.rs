@@ -177,13 +177,30 @@ impl Table {
         CellText { mean: said(mean), interval, each }
     }
 
+    /// What a row is of, and how many seeds it has where others have more.
+    pub(super) fn label(&self, row: &Line) -> String {
+        match row.seeds.len() {
+            _ if self.is_whole(row) => row.label.clone(),
+            1 => format!("{} (1 seed)", row.label),
+            count => format!("{} ({count} seeds)", row.label),
+        }
+    }
+
+    /// Whether a row has as many seeds as any.
+    fn is_whole(&self, row: &Line) -> bool {
+        self.rows.iter().all(|other| other.seeds.len() <= row.seeds.len())
+    }
+
     /// Whether this row has the best mean of the column, as far as the digits shown tell, and another
-    /// has not.
+    /// has not, among those with as many seeds as any.
     pub(super) fn is_best(&self, row: &Line, column: usize) -> bool {
         let Some(better) = self.columns[column].better else { return false };
+        if !self.is_whole(row) {
+            return false;
+        }
         let shown = |row: &Line| self.cell(row, column).mean.parse::<f64>().ok();
         let Some(own) = shown(row) else { return false };
-        let others = || self.rows.iter().filter_map(shown);
+        let others = || self.rows.iter().filter(|row| self.is_whole(row)).filter_map(shown);
         others().all(|other| !better.improves(other, own))
             && others().any(|other| better.improves(own, other))
     }

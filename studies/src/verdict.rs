@@ -97,7 +97,7 @@ impl Finding {
     /// The figures: both means, their difference or ratio, its interval.
     pub fn to_text(&self) -> String {
         let figure = |value: Option<f64>| value.map_or_else(|| "none".to_owned(), short);
-        let mut text = format!("{} to {}", figure(self.own), figure(self.other));
+        let mut text = format!("{} against {}", figure(self.own), figure(self.other));
         if let Some(Interval { estimate, low, high }) = self.interval {
             let [estimate, low, high] = [estimate, low, high].map(short);
             let _ = write!(text, ", {} {estimate} [{low}, {high}]", self.kind);

@@ -105,7 +105,7 @@ impl Planted {
             Self::OneAside(distances) => {
                 let count = views.len();
                 let camera = &mut views[count / 3].camera;
-                let depth = camera.project(around).depth;
+                let depth = camera.project(around.into()).depth;
                 camera.translation += distances * depth * direction(&mut rng);
             }
             Self::Dilated(pixels) => grow(&mut views, pixels, 255),

@@ -187,7 +187,8 @@ pub fn interpolate_grad<F: Real>(
 ) {
     let fragments = incoming.fragments;
     let (faces, channels) = (fragments.faces().len(), incoming.attributes.channels);
-    if faces * channels == 0 {
+    if faces * channels * fragments.settings().pixels() == 0 {
+        of_attributes.fill(F::zero());
         if let Some(positions) = of_positions {
             positions.fill(F::zero());
         }

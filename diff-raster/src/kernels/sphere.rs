@@ -22,7 +22,14 @@ struct Place<F> {
 /// Column and row, in texels, of a direction; none for that of length zero.
 #[inline(always)]
 fn coordinates<F: Real>(d: [F; 3], height: usize, width: usize) -> Option<[F; 2]> {
-    let around = (d[0] * d[0] + d[2] * d[2]).sqrt();
+    let radius = |d: [F; 3]| (d[0] * d[0] + d[2] * d[2]).sqrt();
+    let largest = d[0].abs().max(d[1].abs()).max(d[2].abs());
+    let (mut d, mut around) = (d, radius(d));
+    // Squares beyond what numbers hold, above or below.
+    if !around.is_normal() && largest.is_finite() && largest > F::zero() {
+        d = d.map(|x| x / largest);
+        around = radius(d);
+    }
     let length = around + d[1].abs();
     // Also of what is not a number.
     if length.is_nan() || length <= F::zero() {

@@ -134,6 +134,21 @@ mod tests {
         }
     }
 
+    /// Directions count, not lengths, also where squares are no numbers.
+    #[test]
+    fn lengths_do_not_matter() {
+        let tape = Tape::<f32>::eval();
+        let image = Array4::from_shape_fn((1, 9, 8, 1), |(_, r, c, _)| (10 * r + c) as f32);
+        let image = tape.constant(image);
+        let at = |length: f32| {
+            let direction = Array3::from_shape_vec((1, 1, 3), vec![length, length, 0.0]);
+            sphere_texture(tape.constant(direction.expect("three")), image).item()
+        };
+        for length in [1e-25, 1e20, 1e-40] {
+            assert!((at(length) - at(1.0)).abs() < 1e-4, "{length}: {}, {}", at(length), at(1.0));
+        }
+    }
+
     /// A function on the sphere that is smooth everywhere, the poles and the back meridian included, comes back.
     #[test]
     fn no_edge_and_no_star() {

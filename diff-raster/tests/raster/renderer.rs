@@ -177,3 +177,31 @@ fn positions_of_another_mesh_are_refused() {
     let tape = Tape::eval();
     let _ = sphere_renderer().frame(tape.constant(arr3(&[[[0.0, 0.0, 1.0]; 3]])));
 }
+
+#[test]
+fn images_without_pixels_have_gradients_of_zero() {
+    let mesh = mesh_core::primitives::icosphere(0);
+    let faces = std::sync::Arc::new(diff_raster::Faces::of(&mesh).expect("faces"));
+    for (height, width) in [(64, 0), (0, 64)] {
+        let renderer =
+            diff_raster::Renderer::new(faces.clone(), diff_raster::Settings::new(height, width));
+        let tape = autodiff_lite::Tape::<f32>::train(0);
+        let positions = tape.leaf(mesh.vertices().insert_axis(ndarray::Axis(0)).to_owned());
+        let loss = renderer.frame(positions).interpolate(positions).sum();
+        let gradients = loss.backward();
+        assert!(gradients.wrt(positions).is_none_or(|g| g.as_slice().iter().all(|x| *x == 0.0)));
+    }
+}
+
+#[test]
+#[should_panic(expected = "sigma_inv")]
+fn a_silhouette_is_a_probability() {
+    let mesh = mesh_core::primitives::icosphere(0);
+    let settings = diff_raster::Settings { sigma_inv: -7000.0, ..diff_raster::Settings::new(8, 8) };
+    let renderer = diff_raster::Renderer::new(
+        std::sync::Arc::new(diff_raster::Faces::of(&mesh).expect("faces")),
+        settings,
+    );
+    let tape = autodiff_lite::Tape::<f32>::eval();
+    let _ = renderer.frame(tape.constant(mesh.vertices().insert_axis(ndarray::Axis(0)).to_owned()));
+}

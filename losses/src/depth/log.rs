@@ -38,7 +38,8 @@ pub fn log_depth<'t, F: Real>(
     let pixels = Pixels::new("log_depth", prediction, Some(target), mask);
     let (x, y) = (prediction.value(), target.value());
     let (x, y) = (x.as_slice(), y.as_slice());
-    let measured = |&&p: &&u32| y[p as usize] > F::zero();
+    // Not a number is no hole.
+    let measured = |&&p: &&u32| y[p as usize] > F::zero() || y[p as usize].is_nan();
     let away = |p: u32| Real::to_f64(x[p as usize]).ln() - Real::to_f64(y[p as usize]).ln();
     let all = pixels.each().flatten().filter(measured).count();
     let mut gradient = wanted(prediction);

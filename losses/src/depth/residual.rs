@@ -71,7 +71,8 @@ pub fn depth_l1_trimmed<'t, F: Real>(
     let mut total = 0.0;
     for places in pixels.each() {
         let weight = 0.5 * mean.weight(places.len(), pixels.count(), pixels.images());
-        let key = |p: u32| (away(p).abs(), p);
+        // Not a number is never trimmed: it would be lost without a trace.
+        let key = |p: u32| (if away(p).is_nan() { -1.0 } else { away(p).abs() }, p);
         let keep = (places.len() as f64 * (1.0 - trim)) as usize;
         let first_out = nth(prediction.tape(), places, keep, key);
         for &p in places {

@@ -268,6 +268,21 @@ fn the_furthest_fifth_is_left_out() {
 }
 
 #[test]
+fn what_is_not_a_number_is_neither_trimmed_nor_a_hole() {
+    let tape = Tape::<f64>::eval();
+    let of = |bad: usize| {
+        tape.constant(Array3::from_shape_fn(
+            (1, 1, 5),
+            |(_, _, j)| if j == bad { f64::NAN } else { 1.0 },
+        ))
+    };
+    let (good, mask) = (of(9), tape.constant(Array3::ones((1, 1, 5))));
+    assert!(depth_l1_trimmed(of(2), good, mask, 0.2, DepthMean::Pixels).item().is_nan());
+    assert!(log_depth(good, of(2), mask, 0.5, DepthMean::Pixels).item().is_nan());
+    assert_eq!(log_depth(good, good, mask, 0.5, DepthMean::Pixels).item(), 0.0);
+}
+
+#[test]
 #[should_panic(expected = "depth_l2: images of one shape and one channel expected")]
 fn shapes_must_agree() {
     let tape = Tape::<f32>::eval();

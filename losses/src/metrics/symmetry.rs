@@ -29,10 +29,10 @@ const ALIKE: f64 = 1.25;
 /// ```
 pub fn turns(mesh: &TriMesh, points: usize) -> Vec<f64> {
     let [(surface, _), (other, _)] = [0, 1].map(|seed| sample_points(mesh, points, seed));
-    let Some(around) = mesh.bounds().filter(|_| !surface.is_empty()) else {
+    let Some(around) = super::bounds::bounds(mesh).filter(|_| !surface.is_empty()) else {
         return vec![0.0];
     };
-    let [x, _, z] = bounds::center(around);
+    let [x, _, z] = bounds::center(around).map(|c| c as f32);
     let turned = |degrees: f64| -> Vec<[f32; 3]> {
         let (sin, cos) = degrees.to_radians().sin_cos();
         let (sin, cos) = (sin as f32, cos as f32);
@@ -53,7 +53,8 @@ pub fn turns(mesh: &TriMesh, points: usize) -> Vec<f64> {
 
 /// The smallest [`rotation_angle`](super::rotation_angle) between a rotation and a true one after any of these turns about +Y, degrees.
 ///
-/// Rotations are quaternions w, x, y, z from the object's frame to the camera's, so a turn of the object comes first.
+/// Rotations are quaternions w, x, y, z from the object's frame to the camera's, so a turn of the object comes first. Not a number without
+/// turns: what has no symmetry has that by 0.
 pub fn symmetric_rotation_angle(found: [f64; 4], truth: [f64; 4], turns: &[f64]) -> f64 {
     let turned = |degrees: &f64| {
         let (sin, cos) = (0.5 * degrees).to_radians().sin_cos();

@@ -67,8 +67,13 @@ impl<F: Real> BatchNorm2d<F> {
         ///
         /// # Shapes
         /// `x [.., C]` → `[.., C]`.
+        ///
+        /// # Panics
+        /// On a training tape, if there is one value for each channel alone: it has no variance.
         |self, x, activation| {
             let tape = x.tape();
+            let rows = x.len() / self.weight.len().max(1);
+            assert!(rows != 1 || !tape.is_training(), "BatchNorm: one value for each channel, expected 2 or more in training");
             let (weight, bias) = (tape.param(&self.weight), tape.param(&self.bias));
             if !tape.is_training() {
                 if tape.wants_grad(&[weight, bias]) {

@@ -22,8 +22,8 @@ pub fn freeze<F: Real>(module: &mut (impl Module<F> + ?Sized), pattern: &str) ->
     set(module, pattern, false)
 }
 
-/// Takes up the training of all parameters that `pattern` names, but for running statistics,
-/// which no optimiser may touch; their number. Patterns are those of [`freeze`].
+/// Takes up the training of all parameters that `pattern` names, but for [buffers](Param::buffer) (running statistics, frozen
+/// norms), which no optimiser may touch; their number. Patterns are those of [`freeze`].
 pub fn unfreeze<F: Real>(module: &mut (impl Module<F> + ?Sized), pattern: &str) -> usize {
     set(module, pattern, true)
 }
@@ -31,9 +31,7 @@ pub fn unfreeze<F: Real>(module: &mut (impl Module<F> + ?Sized), pattern: &str) 
 fn set<F: Real>(module: &mut (impl Module<F> + ?Sized), pattern: &str, trainable: bool) -> usize {
     let mut count = 0;
     module.visit_mut("", &mut |path: &str, param: &mut Param<F>| {
-        let last = path.rsplit('.').next().unwrap_or(path);
-        let statistic = trainable && last.starts_with("running_");
-        if matches(pattern, path) && !statistic {
+        if matches(pattern, path) && !(trainable && param.is_buffer()) {
             param.trainable = trainable;
             count += 1;
         }
@@ -60,7 +58,7 @@ fn matches(pattern: &str, path: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{BatchNorm2d, Init};
+    use crate::{BatchNorm2d, FrozenBatchNorm2d, Init};
 
     #[test]
     fn patterns() {
@@ -96,5 +94,10 @@ mod tests {
         assert_eq!(unfreeze(&mut norm, "*"), 2);
         assert_eq!(norm.parameter_count(), 6);
         assert_eq!(freeze(&mut norm, "wieght"), 0);
+        // Nor is what is called otherwise but fixed.
+        let mut frozen = FrozenBatchNorm2d::<f32>::new(&Init::new(0), 3);
+        assert_eq!(unfreeze(&mut frozen, "*"), 0);
+        frozen.set_trainable("", true);
+        assert_eq!(frozen.parameter_count(), 0);
     }
 }

@@ -35,7 +35,9 @@ pub enum Adjoint {
     Direct,
     /// Only the state at the beginning of each step is kept; on the way back each step is computed once more, recorded
     /// and forgotten. Exact, to rounding equal to [`Direct`](Self::Direct); memory of one step, and one state a step;
-    /// the time of one more pass forward. On a tape it is one operation.
+    /// the time of one more pass forward. On a tape it is one operation. Running statistics of a field's norms, which
+    /// evaluations of [`Direct`](Self::Direct) move, stay as they are, here and in [`Backsolve`](Self::Backsolve): a field should have norms without (layer,
+    /// group, or frozen batch norms).
     #[default]
     Checkpointed,
     /// **Approximate.** The continuous adjoint equation is solved backwards from the end, and the state with it: only

@@ -60,7 +60,8 @@ impl StackedConfig {
 /// States and inputs are those of a [`DeformationField`](super::DeformationField), but for what is made of the maps by
 /// [`read`](Self::read).
 ///
-/// At the ends of the segments the velocity jumps. A method keeps its order if its steps end there.
+/// At the ends of the segments the velocity jumps. Euler's and the midpoint method keep their order if their steps end there. A method with a stage
+/// at the end of its step (Heun's, RK4, `bosh3`, `dopri5`, `tsit5`) reads the next segment's velocity there: of first order across each such end.
 ///
 /// ```
 /// use autodiff_lite::{Activation, SparseMatrix, Tape};

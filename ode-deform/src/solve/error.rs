@@ -30,7 +30,7 @@ pub enum SolveError {
     },
     /// The step size should follow the error, of which this method has no estimate.
     #[error(
-        "{method} estimates no error: choose heun, midpoint, bosh3, dopri5 or tsit5, or fixed steps"
+        "{method} estimates no error: choose adaptive-heun, heun, midpoint, bosh3, dopri5 or tsit5, or fixed steps"
     )]
     NoErrorEstimate {
         /// The method.

@@ -11,7 +11,7 @@ const REFINEMENTS: usize = 200;
 /// interpolated state is zero, to the last digits of the time. The solution ends there: its `end` is the state at that
 /// time, its `event` the time; states that were asked for later are left out, so that
 /// [`states`](Solution::states) may be fewer than asked. An event that is zero at the beginning has not happened yet; one
-/// that happens twice within a step is not seen.
+/// that happens twice within a step is not seen: [`Limits::greatest_step`](super::Limits::greatest_step) makes steps short enough.
 ///
 /// ```
 /// use ode_deform::solve::{Problem, StepController, TSIT5, solve_until};
@@ -31,8 +31,61 @@ const REFINEMENTS: usize = 200;
 /// Hairer, Nørsett, Wanner 1993, *Solving Ordinary Differential Equations I*, II.6 (events on dense output); the
 /// refinement is Dowell and Jarratt's 1971 *modified regula falsi* ("Illinois"), with halving.
 pub fn solve_until<Y: State>(
+    field: impl FnMut(f64, &Y) -> Y,
+    event: impl FnMut(f64, &Y) -> f64,
+    start: Y,
+    problem: &Problem,
+) -> Result<Solution<Y>, SolveError> {
+    solve_until_crossing(field, (event, Crossing::Either), start, problem)
+}
+
+/// Which changes of the sign of an event end an integration; SciPy's `direction`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Crossing {
+    /// Both.
+    #[default]
+    Either,
+    /// From below zero upwards, as the integration goes.
+    Rising,
+    /// From above zero downwards.
+    Falling,
+}
+
+impl Crossing {
+    /// Whether the way from one value to another is one that ends.
+    fn happens(self, before: f64, after: f64) -> bool {
+        let crosses = before != 0.0 && (after == 0.0 || (after < 0.0) != (before < 0.0));
+        let wanted = match self {
+            Self::Either => true,
+            Self::Rising => before < 0.0,
+            Self::Falling => before > 0.0,
+        };
+        crosses && wanted
+    }
+}
+
+/// [`solve_until`] an event crosses zero one way: the other way it goes on.
+///
+/// ```
+/// use ode_deform::solve::{Crossing, Limits, Problem, StepController, TSIT5, solve_until_crossing};
+///
+/// // A ball is thrown up: when does it pass a height of 10 on its way down? Steps of at most half a second do not leap over both ways.
+/// let limits = Limits { greatest_step: 0.5, ..Limits::default() };
+/// let control = StepController::adaptive(1e-9, 1e-9);
+/// let problem = Problem { limits, ..Problem::new([0.0, 10.0], &TSIT5, control) };
+/// let flight = |_, &[_, v]: &[f64; 2]| [v, -9.81];
+/// let above = |_, &[height, _]: &[f64; 2]| height - 10.0;
+/// let fallen = solve_until_crossing(flight, (above, Crossing::Falling), [0.0, 20.0], &problem)?;
+/// let root = (20.0_f64.powi(2) - 2.0 * 9.81 * 10.0).sqrt();
+/// assert!((fallen.event.expect("it falls") - (20.0 + root) / 9.81).abs() < 1e-9);
+/// # Ok::<(), ode_deform::solve::SolveError>(())
+/// ```
+///
+/// # Errors
+/// As [`solve_until`].
+pub fn solve_until_crossing<Y: State>(
     mut field: impl FnMut(f64, &Y) -> Y,
-    mut event: impl FnMut(f64, &Y) -> f64,
+    (mut event, crossing): (impl FnMut(f64, &Y) -> f64, Crossing),
     start: Y,
     problem: &Problem,
 ) -> Result<Solution<Y>, SolveError> {
@@ -53,7 +106,7 @@ pub fn solve_until<Y: State>(
     while happened.is_none() && stepper.advance(&mut field)?.is_some() {
         let (from, to) = (times[times.len() - 1], stepper.time());
         let reached = watched(to, stepper.state())?;
-        if value != 0.0 && (reached == 0.0 || (reached < 0.0) != (value < 0.0)) {
+        if crossing.happens(value, reached) {
             let ends = [(from, value), (to, reached)];
             let at = |time: f64| {
                 let state = stepper.interpolate(&mut field, time);

@@ -32,7 +32,7 @@ mod tolerance;
 pub use control::{Pid, StepController};
 pub use dense::Dense;
 pub use error::SolveError;
-pub use event::solve_until;
+pub use event::{Crossing, solve_until, solve_until_crossing};
 pub use methods::{
     ADAPTIVE_HEUN, BOSH3, DOPRI5, EULER, HEUN, HEUN3, MIDPOINT, RK4, THREE_EIGHTHS, TSIT5,
 };

@@ -37,7 +37,7 @@ pub enum Ending {
     Overshoot,
 }
 
-/// When to give up.
+/// When to give up, and how long a step may be.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// The most attempts, 100,000 by default.
@@ -45,11 +45,14 @@ pub struct Limits {
     /// The least size of a step that the error may ask for; never less than a few units in the last place of the time.
     /// 0 by default.
     pub least_step: f64,
+    /// The greatest size of a step that the error may ask for, so that what happens in between is seen: a short pulse of the field, an
+    /// [event](super::solve_until) and its reversal. Infinite by default.
+    pub greatest_step: f64,
 }
 
 impl Default for Limits {
     fn default() -> Self {
-        Self { steps: 100_000, least_step: 0.0 }
+        Self { steps: 100_000, least_step: 0.0, greatest_step: f64::INFINITY }
     }
 }
 
@@ -106,6 +109,10 @@ impl Problem {
                 return fail("a time of save_at", time, expected);
             }
             before = time;
+        }
+        let greatest = self.limits.greatest_step;
+        if greatest.is_nan() || greatest <= 0.0 {
+            return fail("the greatest step", greatest, "a number above 0 expected");
         }
         self.tableau.check()?;
         self.control.check(self.tableau)

@@ -135,7 +135,7 @@ impl<'p, Y: State> Stepper<'p, Y> {
         }
         let mut failure = None;
         loop {
-            let size = self.size.expect("decided above");
+            let size = self.allowed(self.size.expect("decided above"));
             let next = self.next_time(size);
             self.check_limits(size, next, failure)?;
             let (times, derivative) = ([self.t, next], self.derivative.take());
@@ -241,6 +241,12 @@ impl<'p, Y: State> Stepper<'p, Y> {
         }
     }
 
+    /// The size that is asked for, no greater than what may be: where sizes follow no error they stay as they are.
+    fn allowed(&self, size: f64) -> f64 {
+        let follows = self.problem.control.tolerance().is_some();
+        if follows { size.min(self.problem.limits.greatest_step) } else { size }
+    }
+
     fn check_limits(
         &self,
         size: f64,
@@ -251,7 +257,9 @@ impl<'p, Y: State> Stepper<'p, Y> {
         if self.stats.accepted + self.stats.rejected >= limits.steps {
             return Err(SolveError::StepLimit { t: self.t, limit: limits.steps });
         }
-        let least = limits.least_step.max(4.0 * f64::EPSILON * self.t.abs());
+        // A size that is given is no matter of the error.
+        let asked = self.problem.control.tolerance().map_or(0.0, |_| limits.least_step);
+        let least = asked.max(4.0 * f64::EPSILON * self.t.abs());
         let cut = next == self.problem.span[1];
         if (size < least && !cut) || next == self.t {
             let underflow = SolveError::StepUnderflow { t: self.t, step: size, least };
@@ -284,9 +292,11 @@ impl<'p, Y: State> Stepper<'p, Y> {
         let derivative = self.derivative.as_ref().expect("known before the first step");
         let norm = |x: &Y| Y::error_squares(x, y, y, tolerance).rms();
         let (of_state, of_derivative) = (norm(y), norm(derivative));
-        let least = 1e-6 * (self.problem.span[1] - self.problem.span[0]).abs();
+        let span = (self.problem.span[1] - self.problem.span[0]).abs();
+        let least = 1e-6 * span;
         let small = of_state < 1e-5 || of_derivative < 1e-5;
-        let trial = if small { least } else { 0.01 * of_state / of_derivative };
+        // The field need not be defined beyond the span.
+        let trial = if small { least } else { (0.01 * of_state / of_derivative).min(span) };
         let there = Y::lincomb(&[(1.0, y), (direction * trial, derivative)]);
         self.stats.evaluations += 1;
         let bent = field(self.t + direction * trial, &there);
@@ -300,5 +310,42 @@ impl<'p, Y: State> Stepper<'p, Y> {
         };
         let guess = by_curvature.min(100.0 * trial);
         if guess.is_finite() && guess > 0.0 { guess } else { least }
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use super::*;
+    use crate::solve::{DOPRI5, EULER, Limits, StepController, solve};
+
+    #[test]
+    fn the_field_is_asked_within_the_span_and_steps_are_no_longer_than_allowed() {
+        let mut latest = 0.0_f64;
+        let slow = |t: f64, _: &f64| {
+            latest = latest.max(t);
+            1e-6
+        };
+        let control = StepController::adaptive(1e-3, 1e-6);
+        let problem = Problem::new([0.0, 1.0], &DOPRI5, control);
+        solve(slow, 1.0, &problem).unwrap();
+        assert!(latest <= 1.0, "asked at {latest}");
+
+        let limits = Limits { greatest_step: 0.3, ..Limits::default() };
+        let problem = Problem { limits, ..problem };
+        let found = solve(|_, _: &f64| 1e-6, 1.0, &problem).unwrap();
+        assert!(found.times.windows(2).all(|w| w[1] - w[0] <= 0.3 + 1e-12), "{:?}", found.times);
+        let limits = Limits { greatest_step: 0.0, ..Limits::default() };
+        let error =
+            solve(|_, _: &f64| 1.0, 1.0, &Problem { limits, ..problem.clone() }).unwrap_err();
+        assert!(error.to_string().contains("greatest step"), "{error}");
+
+        // What is given does not follow the error.
+        let limits = Limits { least_step: 0.1, greatest_step: 0.001, ..Limits::default() };
+        let problem = Problem {
+            limits,
+            ..Problem::new([0.0, 1.0], &EULER, StepController::Fixed { step: 0.01 })
+        };
+        assert_eq!(solve(|_, _: &f64| 1.0, 0.0, &problem).unwrap().stats.accepted, 100);
     }
 }

@@ -191,7 +191,7 @@ impl Tableau {
     }
 
     /// The state at `t + θ h`, `θ` in `[0, 1]`: the cubic through both ends with their derivatives, and for Dormand-Prince
-    /// its own quartic.
+    /// and Tsitouras their own quartics.
     ///
     /// `end` is the derivative at the end of the step; none is needed where the last stage lies there.
     ///
