@@ -146,7 +146,7 @@ enum Steps {
     /// Positions are `(I + λ L)⁻¹ u`, and `u` is what moves.
     Smoothed {
         adam: AdamUniform,
-        solver: DiffusionSolver,
+        solver: Box<DiffusionSolver>,
         u: Vec<[f32; 3]>,
         pull: Vec<[f32; 3]>,
     },
@@ -161,7 +161,7 @@ impl Steps {
         let mut u = mesh.positions.clone();
         solver.apply(&mesh.positions, &mut u);
         let pull = vec![[0.0; 3]; u.len()];
-        Self::Smoothed { adam: AdamUniform::new(rate), solver, u, pull }
+        Self::Smoothed { adam: AdamUniform::new(rate), solver: Box::new(solver), u, pull }
     }
 
     fn step(&mut self, positions: &mut [[f32; 3]], gradient: &[f32]) {

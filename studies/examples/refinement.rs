@@ -130,7 +130,8 @@ where
     line("as a solid", Scored::of(&data, views, solid)?)?;
     for &steps in &order.steps {
         let options = RefineConfig { steps, ..RefineConfig::default() };
-        let moved = |mesh: &TriMesh, view: &View| refine(mesh, &[view.clone()], &options);
+        let moved =
+            |mesh: &TriMesh, view: &View| refine(mesh, std::slice::from_ref(view), &options);
         let scored = Scored::of(&data, views, |pair| changed(&system, pair, moved))?;
         line(&format!("refined, {steps} steps"), scored)?;
     }

@@ -25,6 +25,13 @@ fn datasets_are_converted_inspected_and_validated() {
     }
     run(["data", "convert", "d", "e", "--layout", "kaolin", "-q"]).fails(1, &["e exists already"]);
 
+    // A view may be left out by its name.
+    let inspect = |except: &str| {
+        unsphere(place.path(), ["data", "inspect", "e", "--except", except, "--json"])
+    };
+    assert_eq!(inspect("3,7").ok().json()["looked_at"][0]["views"], 8);
+    inspect("3,77").fails(3, &["none called 77", "left out"]);
+
     // Nothing is written unless it is asked for.
     let before = files_in(place.path());
     let found = unsphere(place.path(), ["data", "inspect", "a", "--json"]).ok().json();

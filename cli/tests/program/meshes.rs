@@ -17,6 +17,24 @@ fn what_a_mesh_does_not_hold_of_its_file_is_said_in_a_line() {
 }
 
 #[test]
+fn parts_that_overlap_become_one_solid() {
+    let place = tempfile::tempdir().unwrap();
+    let mut parts = primitives::icosphere(3).colored([0.2, 0.4, 0.8]);
+    parts.append(&primitives::cuboid([3.0, 0.5, 0.5]).colored([0.9, 0.1, 0.1])).unwrap();
+    write_mesh(place.path().join("parts.ply"), &parts).unwrap();
+    unsphere(place.path(), ["convert", "parts.ply", "-o", "part.ply", "--solid"]).ok();
+    let part = read_mesh(place.path().join("part.ply")).unwrap();
+    let found = part.examined();
+    assert!(found.is_solid() && found.health.components == 1, "{found}");
+    assert!(part.colors.is_some_and(|colors| colors.iter().any(|c| c[0] > 0.8)));
+    let mut open = primitives::icosphere(2);
+    open.faces.pop();
+    write_mesh(place.path().join("open.ply"), &open).unwrap();
+    let run = unsphere(place.path(), ["convert", "open.ply", "-o", "x.ply", "--solid"]);
+    run.fails(3, &["open.ply", "--solid", "not closed"]);
+}
+
+#[test]
 fn meshes_are_converted() {
     let place = tempfile::tempdir().unwrap();
     let path = |name: &str| place.path().join(name);

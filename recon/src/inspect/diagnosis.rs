@@ -209,11 +209,10 @@ pub(crate) fn diagnose(
     if inverted || (points.is_none() && mask_views.len() < 3) {
         return (found, problems, sphere);
     }
-    if points.is_none() && found.hull_iou.is_none_or(|iou| iou < SUSPECT) {
-        if let Some(outliers) = Outliers::of(mask_views) {
-            problems.push(outlier_problem(views, &outliers, found.hull_iou));
-            return (found, problems, sphere);
-        }
+    let suspect = points.is_none() && found.hull_iou.is_none_or(|iou| iou < SUSPECT);
+    if let Some(outliers) = suspect.then(|| Outliers::of(mask_views)).flatten() {
+        problems.push(outlier_problem(views, &outliers, found.hull_iou));
+        return (found, problems, sphere);
     }
     let step = mask_views.len().div_ceil(SEARCHED);
     let searched: Vec<MaskView> = mask_views.iter().step_by(step).cloned().collect();

@@ -101,7 +101,8 @@ impl Study for ObjectFrameStudy {
         let refined = |system: &Pixel2Mesh| {
             let views = system.shared().pairs.scored_views;
             let config = RefineConfig::default();
-            let moved = |mesh: &TriMesh, view: &View| refine(mesh, &[view.clone()], &config);
+            let moved =
+                |mesh: &TriMesh, view: &View| refine(mesh, std::slice::from_ref(view), &config);
             Scored::of(&data, (Subset::Test, views), |pair| changed(system, pair, moved))
         };
         let row = |label: &str, scored: &Scored| with_scores(Row::new(TABLE, label), &data, scored);
