@@ -151,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn a_texture_becomes_colours() {
+    fn a_texture_becomes_colors() {
         let mut mesh = primitives::icosphere(2);
         let mut image = mesh_core::Image::new(2, 2, 3);
         image.data.chunks_exact_mut(3).for_each(|pixel| pixel[0] = 1.0);

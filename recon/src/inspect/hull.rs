@@ -30,43 +30,43 @@ pub(crate) fn coincide(views: &[MaskView]) -> bool {
     !others.is_empty() && first.camera.is_perspective() && others.iter().all(near)
 }
 
-/// The sphere around the point where the masks' axes meet, as wide as the widest of their cones.
+/// The sphere around the point where the masks' axes meet, as wide as the widest of their boxed.
 ///
 /// `None` where the axes do not fix a point, all cameras stand there, or most look away from it.
 pub(crate) fn bounding_sphere(views: &[MaskView]) -> Option<Sphere> {
     if coincide(views) {
         return None;
     }
-    let cones = Cones::of(views);
-    let center = Ray::nearest_point(cones.axes.iter().copied())?;
+    let boxed = MaskBoxes::of(views);
+    let center = Ray::nearest_point(boxed.axes.iter().copied())?;
     // A single camera that looks elsewhere must not blow the sphere up.
-    cones.around(center, 0.9)
+    boxed.around(center, 0.9)
 }
 
 /// The same where some of the cameras may be anywhere: around the point of two axes that half of all come nearest to, as wide as the
 /// median of the cones with half as much again.
 pub(crate) fn consensus_sphere(views: &[MaskView]) -> Option<Sphere> {
-    let cones = Cones::of(views);
-    let step = cones.axes.len().div_ceil(CONSENSUS).max(1);
-    let tried: Vec<Ray> = cones.axes.iter().copied().step_by(step).collect();
+    let boxed = MaskBoxes::of(views);
+    let step = boxed.axes.len().div_ceil(CONSENSUS).max(1);
+    let tried: Vec<Ray> = boxed.axes.iter().copied().step_by(step).collect();
     let pairs = (0..tried.len()).flat_map(|i| (0..i).map(move |j| [i, j]));
     let points = pairs.filter_map(|pair| Ray::nearest_point(pair.map(|k| tried[k])));
     let away = |point: &[f64; 3]| {
-        let distances = cones.axes.iter().map(|axis| axis.distance(*point));
+        let distances = boxed.axes.iter().map(|axis| axis.distance(*point));
         median(distances, MedianOfEven::Upper).unwrap_or(f64::INFINITY)
     };
     let center = points.map(|point| (away(&point), point)).min_by(|a, b| a.0.total_cmp(&b.0))?.1;
-    let sphere = cones.around(center, 0.5)?;
+    let sphere = boxed.around(center, 0.5)?;
     Some(Sphere { radius: 1.5 * sphere.radius, ..sphere })
 }
 
 /// The boxes of the masks that are not empty, and the rays through their middles.
-struct Cones<'a> {
+struct MaskBoxes<'a> {
     boxes: Vec<(&'a MaskView, [f64; 4])>,
     axes: Vec<Ray>,
 }
 
-impl<'a> Cones<'a> {
+impl<'a> MaskBoxes<'a> {
     fn of(views: &'a [MaskView]) -> Self {
         let boxes: Vec<(&MaskView, [f64; 4])> =
             views.iter().filter_map(|view| Some((view, view.bounds()?))).collect();
