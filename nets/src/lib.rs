@@ -34,8 +34,8 @@
 //! | for | see |
 //! |---|---|
 //! | initial values | [`Init`] |
-//! | layers | [`Linear`], [`WeightNormLinear`], [`Mlp`], [`PointMlp`], [`Conv2d`], [`ConvTranspose2d`], [`MaxPool2d`], [`AvgPool2d`], [`AdaptiveAvgPool2d`], [`Dropout`] |
-//! | norms | [`BatchNorm2d`], [`BatchNorm1d`], [`FrozenBatchNorm2d`], [`Norm`] (either of them), [`LayerNorm`], [`GroupNorm`] |
+//! | layers | [`Linear`], [`WeightNormLinear`], [`Mlp`], [`PointMlp`], [`Conv2d`], [`Conv3d`], [`ConvTranspose2d`], [`MaxPool2d`], [`AvgPool2d`], [`AdaptiveAvgPool2d`], [`Dropout`] |
+//! | norms | [`BatchNorm2d`], [`BatchNorm1d`], [`FrozenBatchNorm2d`], [`Norm`] (one of batch, frozen batch and group), [`LayerNorm`], [`GroupNorm`] |
 //! | attention | [`MultiHeadAttention`], [`TransformerEncoderLayer`], [`TransformerEncoder`] |
 //! | graphs | [`GraphConv`] (Mesh R-CNN), [`ChebyshevConv`] (Pixel2Mesh), [`GraphResBlock`], [`GraphBottleneck`] |
 //! | maps at points | [`pool_features`], [`pool_linear`] |

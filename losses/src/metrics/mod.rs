@@ -1,6 +1,6 @@
 //! How good a result is: figures over plain images, masks, meshes and point sets; no gradients.
 //!
-//! - images: [`l1`], [`mse`], [`psnr`], [`psnr_inside`], [`ssim`]
+//! - images: [`l1`], [`mse`], [`psnr`], [`psnr_inside`], [`ssim`], [`ssim_valid`]
 //! - masks: [`mask_iou`], [`mask_iou_by`] a published or a strict [`MaskRule`]
 //! - depth maps: [`depth_error`]
 //! - cameras: [`rotation_angle`], and [`symmetric_rotation_angle`] modulo the [`turns`] of an object
