@@ -2,11 +2,15 @@
 
 use std::sync::Arc;
 
+use autodiff_lite::kernels::parallel::{InParts, Parts};
 use autodiff_lite::{Real, Var};
 
 use crate::kernels::layers::{draw_layers, measure};
 use crate::kernels::setup::{Centers, corner_positions};
 use crate::{Faces, NONE, Positions};
+
+/// Faces of pixels that one job measures at least.
+const CHUNK: usize = 2048;
 
 /// Size of the image, and which faces a pixel has.
 ///
@@ -91,25 +95,26 @@ impl<F: Real> LayeredFragments<F> {
     fn measure(&mut self, positions: &[F]) {
         let [_, height, width, k] = self.shape();
         let (per_image, stride) = (height * width * k, 3 * self.faces.vertex_count());
-        for slot in 0..self.face.len() {
-            let face = self.face[slot];
+        let Self { face, depth, barycentric, distance, faces, settings, centers, .. } = self;
+        let numbers = barycentric.par_chunks_mut(3).zip(depth.par_iter_mut());
+        let slots = numbers.zip(distance.par_iter_mut()).zip(face.par_iter()).enumerate();
+        slots.with_min_len(CHUNK).for_each(|(slot, (((shown, depth), distance), &face))| {
             if face == NONE {
-                continue;
+                return;
             }
             let n = slot / per_image;
             let own = &positions[stride * n..stride * (n + 1)];
-            let corners = corner_positions(own, self.faces.corners()[face as usize]);
-            let layer = measure(self.center(slot / k), &corners, &self.settings);
-            self.barycentric[3 * slot..3 * slot + 3].copy_from_slice(&layer.shown);
-            (self.depth[slot], self.distance[slot]) = (layer.depth, layer.signed);
-        }
+            let corners = corner_positions(own, faces.corners()[face as usize]);
+            let layer = measure(centers.at(slot / k, [height, width]), &corners, settings);
+            shown.copy_from_slice(&layer.shown);
+            (*depth, *distance) = (layer.depth, layer.signed);
+        });
     }
 
     /// Where the centre of a pixel (counted through all images) is in NDC.
     pub(crate) fn center(&self, pixel: usize) -> [F; 2] {
         let LayerSettings { height, width, .. } = self.settings;
-        let place = pixel % (height * width);
-        [self.centers.x[place % width], self.centers.row(place / width)]
+        self.centers.at(pixel, [height, width])
     }
 }
 
@@ -139,7 +144,7 @@ impl<F: Real> LayeredFragments<F> {
 /// # Shapes
 /// `projected [N, V, 3]` as for [`rasterize`](crate::rasterize()): a variable, a tensor or an array.
 /// # Cost
-/// Each face at each pixel of its enlarged box, on one lane, in parallel over bands of rows.
+/// Each face at each pixel of its enlarged box, on one lane, in parallel over bands of rows, image after image.
 /// # Panics
 /// If the last axis is not 3, `V` is not the vertex count of `faces`, or the blur radius is below 0 or not a number.
 /// # References

@@ -244,12 +244,22 @@ pub fn draw_layers<F: Real>(
     let mut ready = vec![None; corners.len()];
     let faces = ready.par_iter_mut().zip(corners.par_iter()).with_min_len(CHUNK);
     faces.for_each(|(ready, &corners)| *ready = prepared(corners));
+    // The faces of each band, in their order: a band does not look at the others.
+    let mut listed: Vec<Vec<u32>> = vec![Vec::new(); settings.height.div_ceil(ROWS)];
+    for (index, ready) in ready.iter().enumerate() {
+        let Some((_, [first, end], _)) = ready.as_ref().filter(|(_, rows, _)| rows[0] < rows[1])
+        else {
+            continue;
+        };
+        let bands = first / ROWS..end.div_ceil(ROWS);
+        listed[bands].iter_mut().for_each(|band| band.push(index as u32));
+    }
     let bands = face.par_chunks_mut(ROWS * width * k).zip(depth.par_chunks_mut(ROWS * width * k));
-    bands.enumerate().for_each(|(band, (face, depth))| {
+    bands.zip(listed.par_iter()).enumerate().for_each(|(band, ((face, depth), listed))| {
         let first = band * ROWS;
         let last = first + face.len() / (width * k);
-        for (index, ready) in ready.iter().enumerate() {
-            let Some((corners, rows, columns)) = ready else { continue };
+        for &index in listed {
+            let Some((corners, rows, columns)) = &ready[index as usize] else { continue };
             for row in rows[0].max(first)..rows[1].min(last) {
                 for column in columns[0]..columns[1] {
                     let p = [centers.x[column], centers.row(row)];
@@ -259,12 +269,8 @@ pub fn draw_layers<F: Real>(
                         continue;
                     }
                     let at = ((row - first) * width + column) * k;
-                    insert(
-                        index as u32,
-                        layer.depth,
-                        &mut face[at..at + k],
-                        &mut depth[at..at + k],
-                    );
+                    let (face, depth) = (&mut face[at..at + k], &mut depth[at..at + k]);
+                    insert(index, layer.depth, face, depth);
                 }
             }
         }

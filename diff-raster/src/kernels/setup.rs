@@ -58,6 +58,13 @@ impl<F: Real> Centers<F> {
         range(&self.x[..self.x.len() - MAX_LANES], low, high, half_open)
     }
 
+    /// Where the centre of a pixel of a batch of images is, counted through all of them.
+    #[inline]
+    pub fn at(&self, pixel: usize, [height, width]: [usize; 2]) -> [F; 2] {
+        let place = pixel % (height * width);
+        [self.x[place % width], self.row(place / width)]
+    }
+
     /// Rows of centres in `[low, high]`, or `[low, high)`, as a half-open range.
     #[inline(always)]
     pub fn rows(&self, low: F, high: F, half_open: bool) -> [u32; 2] {
