@@ -7,7 +7,7 @@ use autodiff_lite::{Real, Var};
 use crate::kernels::neighbors::Norm;
 use crate::kernels::vec3::{add, dot, points, points_mut, scale, sub, unit, unit_grad};
 use crate::matches::{Matches, sets};
-use crate::scalar::{record, wanted};
+use crate::scalar::{record, sign, wanted};
 
 /// The weights of the two directions.
 ///
@@ -158,13 +158,7 @@ pub fn chamfer_normals<'t, F: Real>(
     both_ways("chamfer_normals", x_normals, y_normals, matches, directions, |a, b| {
         let ((a, inverse_a), (b, inverse_b)) = (unit(a), unit(b));
         let cosine = dot(a, b);
-        let sign = if cosine > F::zero() {
-            -F::one()
-        } else if cosine < F::zero() {
-            F::one()
-        } else {
-            F::zero()
-        };
+        let sign = -sign(cosine);
         let (at_a, at_b) = (unit_grad(a, inverse_a, b), unit_grad(b, inverse_b, a));
         (F::one() + sign * cosine, scale(at_a, sign), scale(at_b, sign))
     })

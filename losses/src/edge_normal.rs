@@ -3,7 +3,7 @@
 use autodiff_lite::{Real, Var};
 
 use crate::kernels::vec3::{add, dot, points, points_mut, scale, sub, unit, unit_grad};
-use crate::scalar::{record, vertices, wanted};
+use crate::scalar::{record, sign, vertices, wanted};
 
 /// How far edges are from perpendicular to the true normals nearest to their ends.
 ///
@@ -63,14 +63,8 @@ pub fn edge_normal<'t, F: Real>(
             let cosine = dot(along, normal);
             total += Real::to_f64(cosine.abs());
             if let Some(gradient) = &mut gradient {
-                let sign = if cosine > F::zero() {
-                    F::one()
-                } else if cosine < F::zero() {
-                    -F::one()
-                } else {
-                    F::zero()
-                };
-                let pull = unit_grad(along, inverse, scale(normal, sign * F::from_f64(weight)));
+                let weight = sign(cosine) * F::from_f64(weight);
+                let pull = unit_grad(along, inverse, scale(normal, weight));
                 let gradient = points_mut(gradient);
                 gradient[w] = add(gradient[w], pull);
                 gradient[u] = sub(gradient[u], pull);

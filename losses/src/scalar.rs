@@ -6,6 +6,17 @@
 
 use autodiff_lite::{Backward, PoolVec, Real, Tape, Tensor, Var};
 
+/// 1, -1, or 0 of 0 and of what is not a number.
+pub(crate) fn sign<F: Real>(x: F) -> F {
+    if x > F::zero() {
+        F::one()
+    } else if x < F::zero() {
+        -F::one()
+    } else {
+        F::zero()
+    }
+}
+
 /// A tensor of no axes from the tape's pool.
 pub(crate) fn scalar<F: Real>(tape: &Tape<F>, value: f64) -> Tensor<F> {
     tape.pool().filled(&[], F::from_f64(value))

@@ -26,7 +26,7 @@ use autodiff_lite::kernels::parallel::{InParts, Parts};
 use crate::faces::NONE;
 use crate::fragments::Fragments;
 use crate::kernels::bits::Bits;
-use crate::kernels::setup::{near, visible_corners};
+use crate::kernels::setup::{near, twice_area, visible_corners};
 
 /// A silhouette edge between two neighbouring pixels.
 #[derive(Clone, Copy, Debug)]
@@ -229,14 +229,14 @@ impl<F: Real> Walk<'_, F> {
         let (mut corners, mut at) = self.corners(face)?;
         // Every face is left once at most, unless rounding leads in a circle.
         for _ in 0..self.neighbors.len() {
-            let area = cross(at[0], at[1], [at[2][0], at[2][1]]);
+            let area = twice_area(at[0], at[1], at[2]);
             if area != F::zero() {
                 sign = area.signum();
             }
             let mut exit = None;
             for k in (0..3).filter(|&k| Some(k) != entry) {
                 let (from, to) = (at[(k + 1) % 3], at[(k + 2) % 3]);
-                let (ep, eq) = (sign * cross(from, to, p), sign * cross(from, to, q));
+                let (ep, eq) = (sign * twice_area(from, to, p), sign * twice_area(from, to, q));
                 if eq < F::zero() {
                     let t = if ep > F::zero() { ep / (ep - eq) } else { F::zero() };
                     if exit.is_none_or(|(_, best)| t < best) {
@@ -255,17 +255,11 @@ impl<F: Real> Walk<'_, F> {
             };
             let opposite = (0..3).find(|&k| !edge.contains(&next_corners[k]))?;
             let [x, y, _] = next_at[opposite];
-            if sign * cross(at[(k + 1) % 3], at[(k + 2) % 3], [x, y]) > F::zero() {
+            if sign * twice_area(at[(k + 1) % 3], at[(k + 2) % 3], [x, y]) > F::zero() {
                 return Some(edge);
             }
             (face, corners, at, entry) = (next, next_corners, next_at, Some(opposite));
         }
         None
     }
-}
-
-/// Twice the signed area of a triangle.
-#[inline(always)]
-fn cross<F: Real>(a: [F; 3], b: [F; 3], p: [F; 2]) -> F {
-    (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0])
 }

@@ -29,7 +29,7 @@ use autodiff_lite::kernels::threads::join;
 
 use crate::faces::NONE;
 use crate::kernels::lanes::{Job, Lanes, dispatch};
-use crate::kernels::setup::{BAND_ROWS, corner_positions};
+use crate::kernels::setup::{BAND_ROWS, corner_positions, twice_area};
 use crate::{Fragments, Scratch};
 
 /// Faces per parallel task of the gradient.
@@ -410,7 +410,7 @@ fn position_gradient<F: Real>(
 /// `∇w_k` on the screen of the three barycentric coordinates of a triangle.
 #[inline(always)]
 pub fn barycentric_gradients<F: Real>([a, b, c]: [[F; 3]; 3]) -> [[F; 2]; 3] {
-    let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+    let area = twice_area(a, b, c);
     let inverse = F::one() / area;
     let edge = |p: [F; 3], q: [F; 3]| [(p[1] - q[1]) * inverse, (q[0] - p[0]) * inverse];
     [edge(b, c), edge(c, a), edge(a, b)]

@@ -14,7 +14,7 @@
 use autodiff_lite::Real;
 use autodiff_lite::kernels::parallel::{InParts, Parts};
 
-use crate::kernels::setup::{Centers, extent, visible_corners};
+use crate::kernels::setup::{Centers, extent, twice_area, visible_corners};
 use crate::{LayerSettings, NONE};
 
 /// Added to areas, the least divisor of the perspective, and the square of the shortest edge.
@@ -62,18 +62,13 @@ fn cross<F: Real>(a: Flat<F>, b: Flat<F>) -> F {
     a[0] * b[1] - a[1] * b[0]
 }
 
-/// Twice the area on the screen, positive where the face turns counter-clockwise.
-fn twice_area<F: Real>([a, b, c]: [Flat<F>; 3]) -> F {
-    cross(minus(b, a), minus(c, a))
-}
-
 /// What a face shows at a pixel.
 pub fn measure<F: Real>(p: Flat<F>, corners: &[[F; 3]; 3], settings: &LayerSettings) -> Layer<F> {
     let (zero, one) = (F::zero(), F::one());
     let guard = F::from_f64(GUARD);
     let s = corners.map(|[x, y, _]| [x, y]);
     let z = corners.map(|[_, _, z]| z);
-    let area = twice_area(s) + guard;
+    let area = twice_area(s[0], s[1], s[2]) + guard;
     let edge = |k: usize| cross(minus(s[(k + 1) % 3], p), minus(s[(k + 2) % 3], p));
     let flat = [0, 1, 2].map(|k| edge(k) / area);
     let (mut spatial, mut depth_sum) = (flat, one);
@@ -229,7 +224,7 @@ pub fn draw_layers<F: Real>(
     let reach = blur.max(F::zero()).sqrt();
     let prepared = |corners: [u32; 3]| {
         let [a, b, c] = visible_corners(projected, corners, F::zero())?;
-        let area = twice_area([a, b, c].map(|[x, y, _]| [x, y]));
+        let area = twice_area(a, b, c);
         if area.abs() <= guard || (settings.cull_back_faces && area < F::zero()) {
             return None;
         }

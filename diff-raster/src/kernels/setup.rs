@@ -145,6 +145,12 @@ pub fn corner_positions<F: Real>(projected: &[F], corners: [u32; 3]) -> [[F; 3];
     })
 }
 
+/// Twice the area on the screen, positive where the corners turn counter-clockwise; what is behind x and y does not count.
+#[inline(always)]
+pub fn twice_area<F: Real, const A: usize, const C: usize>(a: [F; A], b: [F; A], c: [F; C]) -> F {
+    (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+}
+
 /// Depth nearer than which faces are dropped; behind the camera there is no perspective.
 pub fn near<F: Real>(settings: &Settings) -> F {
     F::from_f64(if settings.perspective { settings.near.max(0.0) } else { settings.near })
@@ -207,7 +213,7 @@ fn prepare_face<F: Real>(
     settings: &Settings,
     triangle: &mut Triangle<F>,
 ) -> Option<PixelBox> {
-    let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+    let area = twice_area(a, b, c);
     let sign = area.signum();
     let inverse = sign / area;
     if !area.is_finite() || !inverse.is_finite() || (settings.cull_back_faces && area < F::zero()) {

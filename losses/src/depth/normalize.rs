@@ -4,6 +4,7 @@ use autodiff_lite::{Backward, Real, Tape, Var};
 
 use super::pixels::Pixels;
 use crate::kernels::alignment::is_constant;
+use crate::scalar::sign;
 
 /// The image less its median, over the mean absolute distance from it; image by image.
 ///
@@ -95,8 +96,4 @@ fn median<F: Real>(tape: &Tape<F>, x: &[F], places: &[u32]) -> Option<u32> {
     let by_value = |a: &u32, b: &u32| value(*a).total_cmp(&value(*b)).then(a.cmp(b));
     let (_, &mut median, _) = order.select_nth_unstable_by(middle, by_value);
     Some(median)
-}
-
-fn sign(z: f64) -> f64 {
-    f64::from(i8::from(z > 0.0) - i8::from(z < 0.0))
 }

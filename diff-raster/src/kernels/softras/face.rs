@@ -4,7 +4,7 @@ use autodiff_lite::Real;
 
 use crate::SoftRasSettings;
 use crate::kernels::distance::edges;
-use crate::kernels::setup::{Centers, PixelBox, extent};
+use crate::kernels::setup::{Centers, PixelBox, extent, twice_area};
 
 /// The least sum that cut-off weights are divided by.
 pub(super) const SUM_GUARD: f64 = 1e-5;
@@ -82,7 +82,7 @@ pub(super) fn unit<F: Real>(x: F) -> F {
 impl<F: Real> Ready<F> {
     pub(super) fn new(p: [[F; 3]; 3], centers: &Centers<F>, reach: F) -> Option<Self> {
         let [a, b, c] = p;
-        let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+        let area = twice_area(a, b, c);
         let inverse = F::one() / area;
         if !area.is_finite() || !inverse.is_finite() {
             return None;
