@@ -24,7 +24,7 @@ impl<F: Real> SoftRas<F> {
     /// For these faces and images.
     ///
     /// # Panics
-    /// If a temperature is not positive, or the range of depths is empty.
+    /// If a temperature is not positive, the range of depths is empty, or the least coverage is not between 0 and a half.
     pub fn new(faces: &Arc<Faces>, settings: &SoftRasSettings) -> Arc<Self> {
         let s = settings;
         assert!(

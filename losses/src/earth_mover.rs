@@ -20,7 +20,7 @@ use crate::scalar::{record, same_shape, vertices, wanted};
 /// # Cost
 /// That of the [`Assignment`], in double precision on one thread a set.
 /// # Panics
-/// If the shapes are others, or a coordinate is not finite.
+/// If the shapes are others, a coordinate or a squared distance is not finite, or the excess of an approximate assignment is not above 0.
 /// # References
 /// Fan, Su, Guibas 2017, *A Point Set Generation Network*, section 3.2.
 ///

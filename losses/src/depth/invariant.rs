@@ -95,7 +95,7 @@ impl ScaleShiftInvariant {
     /// `prediction`, `target` and `mask` `[N, H, W]` or `[N, H, W, 1]`, alike → a scalar.
     ///
     /// # Panics
-    /// If the shapes differ.
+    /// If the shapes differ, a share to trim is not between 0 and 1, or there are 32 scales or more.
     #[track_caller]
     pub fn loss<'t, F: Real>(
         &self,
