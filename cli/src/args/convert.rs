@@ -22,7 +22,7 @@ Examples:
   unsphere convert clock/mesh.glb -o clock.3mf --height 80mm  in colours
   unsphere convert part.stl -o part.glb --scale 0.001         metres, upright
   unsphere convert scan.ply -o small.glb --faces 5000         fewer triangles
-  unsphere convert parts.obj -o part.stl --solid              parts that overlap, as one
+  unsphere convert parts.obj -o part.stl --solid              parts as one
   unsphere convert cad.obj -o cad.glb --input-up z            +Z was up"
 )]
 pub(crate) struct ConvertMesh {
