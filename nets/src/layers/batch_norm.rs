@@ -63,17 +63,13 @@ impl<F: Real> BatchNorm2d<F> {
     }
 
     forward! {
-        /// By the statistics of the batch on a training tape, else by those that run along.
+        /// By the statistics of the batch on a training tape, else by those that run along. A batch of one value for each channel has no
+        /// variance: the result is the bias, and what runs along stays (PyTorch refuses it).
         ///
         /// # Shapes
         /// `x [.., C]` → `[.., C]`.
-        ///
-        /// # Panics
-        /// On a training tape, if there is one value for each channel alone: it has no variance.
         |self, x, activation| {
             let tape = x.tape();
-            let rows = x.len() / self.weight.len().max(1);
-            assert!(rows != 1 || !tape.is_training(), "BatchNorm: one value for each channel, expected 2 or more in training");
             let (weight, bias) = (tape.param(&self.weight), tape.param(&self.bias));
             if !tape.is_training() {
                 if tape.wants_grad(&[weight, bias]) {
@@ -82,9 +78,11 @@ impl<F: Real> BatchNorm2d<F> {
                 return affine(x, self.scale_and_shift(), activation);
             }
             let (y, seen) = x.batch_norm(weight, bias, self.eps, activation);
-            let momentum = F::from_f64(self.momentum);
-            tape.push_update(BufferUpdate::new(&self.running_mean, seen.mean, momentum));
-            tape.push_update(BufferUpdate::new(&self.running_var, seen.variance, momentum));
+            if x.len() > self.weight.len() {
+                let momentum = F::from_f64(self.momentum);
+                tape.push_update(BufferUpdate::new(&self.running_mean, seen.mean, momentum));
+                tape.push_update(BufferUpdate::new(&self.running_var, seen.variance, momentum));
+            }
             y
         }
     }
