@@ -108,7 +108,7 @@ fn the_table_has_means_seeds_and_claims() {
         ]
     );
     let verdict =
-        "- **undecided**: two beats one (0.3000 to 0.6000, difference -0.3000 [-0.7969, 0.1969])";
+        "- **undecided**: two beats one (0.3000 against 0.6000, difference -0.3000 [-0.7969, 0.1969])";
     for part in [verdict, "Made full.", "- seeds: 0, 1, 2"] {
         assert!(text.contains(part), "{part}: {text}");
     }
