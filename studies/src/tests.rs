@@ -107,8 +107,7 @@ fn the_table_has_means_seeds_and_claims() {
             "| two, b | none | 7 | none | 2.0 s |",
         ]
     );
-    let verdict =
-        "- **undecided**: two beats one (0.3000 against 0.6000, difference -0.3000 [-0.7969, 0.1969])";
+    let verdict = "- **undecided**: two beats one (0.3000 against 0.6000, difference -0.3000 [-0.7969, 0.1969])";
     for part in [verdict, "Made full.", "- seeds: 0, 1, 2"] {
         assert!(text.contains(part), "{part}: {text}");
     }
