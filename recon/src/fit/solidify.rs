@@ -96,8 +96,7 @@ mod tests {
         }
         let pairs = pocket.self_intersections().len();
         assert!(pairs > 100, "{pairs}");
-        let (_, high) = pocket.bounds().unwrap();
-        let (low, _) = pocket.bounds().unwrap();
+        let (low, high) = pocket.bounds().unwrap();
         let solid = solidify(&pocket).unwrap();
         let found = solid.examined();
         assert!(found.is_solid() && found.health.components == 1, "{found}");
@@ -120,7 +119,7 @@ mod tests {
         parts.append(&primitives::icosphere(3).translated([5.0, 0.0, 0.0])).unwrap();
         let found = solidify(&parts).unwrap().examined();
         assert!(found.is_solid() && found.health.components == 2, "{found}");
-        // Two balls at this distance have 208/250 of their volumes in common once.
+        // What two balls of radius 1 at this distance have in common: pi / 12 (4 + d) (2 - d)^2.
         let ball = 4.0 / 3.0 * std::f64::consts::PI;
         let lens = std::f64::consts::PI / 12.0 * (4.0 + 1.2) * (2.0_f64 - 1.2).powi(2);
         let expected = 3.0 * ball - lens;

@@ -30,7 +30,7 @@ pub(crate) fn coincide(views: &[MaskView]) -> bool {
     !others.is_empty() && first.camera.is_perspective() && others.iter().all(near)
 }
 
-/// The sphere around the point where the masks' axes meet, as wide as the widest of their boxed.
+/// The sphere around the point where the masks' axes meet, as wide as the widest of their cones.
 ///
 /// `None` where the axes do not fix a point, all cameras stand there, or most look away from it.
 pub(crate) fn bounding_sphere(views: &[MaskView]) -> Option<Sphere> {
