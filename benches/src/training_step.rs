@@ -25,7 +25,7 @@ impl<S: System<ReadOptions = ReadOptions>> TrainingStep<S> {
             Source { path: None, options: &ReadOptions::default(), seed: 0, progress: &|_, _| {} };
         let data = S::open(config, &source).expect("it makes its own data");
         let mut system = S::new(config, 0);
-        system.init_from_data(&data).expect("data to learn from");
+        system.init_from_data(&data, None).expect("data to learn from");
         let draw = |item| {
             let draw = Draw { seed: 0, epoch: 0, index: item as u64, item };
             system.draw(&data, &draw).expect("samples are in memory")

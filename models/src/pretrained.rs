@@ -30,7 +30,7 @@ mod tests {
         let config = &preset_with::<S>("tiny", settings).system;
         let options = ReadOptions::default();
         let source = Source { path: None, options: &options, seed: 0, progress: &|_, _| () };
-        let begun = |data| S::new(config, 0).init_from_data(&data);
+        let begun = |data| S::new(config, 0).init_from_data(&data, None);
         S::open(config, &source).and_then(begun).unwrap_err().to_string()
     }
 

@@ -63,7 +63,7 @@ pub(crate) fn assert_data<S: System<ReadOptions = ReadOptions>>(
     let summary = S::data_summary(&data).unwrap();
     assert_eq!((summary.sizes, summary.unit, summary.warnings.len()), (sizes, "objects", 0));
     let mut system = S::new(config, 0);
-    system.init_from_data(&data).unwrap();
+    system.init_from_data(&data, None).unwrap();
     let mut known = std::collections::BTreeSet::new();
     for subset in Subset::ALL {
         let metrics = system.evaluate(&data, subset).unwrap();

@@ -129,7 +129,7 @@ mod tests {
         let source = train::Source { path: None, options: &options, seed: 0, progress: &|_, _| () };
         let data = S::open(&config.system, &source).unwrap();
         let mut system = S::new(&config.system, 0);
-        system.init_from_data(&data).unwrap();
+        system.init_from_data(&data, None).unwrap();
         let pairs = predicted(&system, &data, 0).unwrap();
         assert!(!pairs.is_empty() && pairs.len() <= SHOWN);
         for pair in pairs {

@@ -68,7 +68,7 @@ impl Work<'_> {
         data: &S::Data,
     ) -> Result<S, StudyError> {
         let mut system = S::new(&config.system, self.seed);
-        system.init_from_data(data)?;
+        system.init_from_data(data, None)?;
         Ok(system)
     }
 

@@ -71,9 +71,10 @@ impl Average {
 
     pub(super) fn save(&self, system: &impl Module<f32>, state: &mut State) {
         system.visit("", &mut |path: &str, param: &Param| {
-            if let Some(mean) = self.values.get(path).filter(|mean| mean.len() == param.len()) {
-                state.insert(&format!("{AVERAGE}.{path}"), param.shape(), mean);
-            }
+            let Some(mean) = self.values.get(path) else { return };
+            // What has grown since the last update is its own average.
+            let mean = if mean.len() == param.len() { mean } else { param.as_slice() };
+            state.insert(&format!("{AVERAGE}.{path}"), param.shape(), mean);
         });
     }
 }
@@ -113,5 +114,15 @@ mod tests {
         let mut system = grown.clone();
         average.swap(&mut system);
         assert_eq!(system.0.as_slice(), [2.0, 4.0]);
+    }
+
+    /// Where a step was passed over since it grew.
+    #[test]
+    fn what_has_grown_is_saved_as_it_is() {
+        let average = Average::new(0.9, &pair(1.0, 0.0));
+        let grown = (Param::new(arr1(&[2.0_f32, 4.0])), Param::buffer(arr1(&[0.0_f32])));
+        let mut state = State::new();
+        average.save(&grown, &mut state);
+        assert_eq!(state.array::<f32>(&format!("{AVERAGE}.0")).unwrap().as_slice(), [2.0, 4.0]);
     }
 }

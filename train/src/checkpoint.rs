@@ -30,6 +30,9 @@ const CHECKSUM: &[u8] = b"\"checksum\":\"";
 const CARD: &str = "card";
 /// What the names of arrays beside the parameters begin with: as they are no parameters, whoever loads these passes over them.
 const BESIDE: &str = "optim.beside.";
+/// Arrays of so few numbers stay whole where weights are halved: it saves nothing, and the frame of a world is among them, which may be
+/// anywhere; half precision has three digits, and ends at 65,504.
+const SMALL: usize = 16;
 /// In place of the checksum while it is computed.
 const ZEROS: &str = "0000000000000000";
 
@@ -184,7 +187,14 @@ impl<'a> Checkpoint<'a> {
 
     /// The same with arrays beside the weights, in full precision: what was learned of the network after its training.
     pub fn weights_beside(&self, card: &str, beside: &State) -> Vec<u8> {
+        let whole = self.arrays();
         let mut weights = self.arrays().halved();
+        for name in whole.names() {
+            let array = whole.array::<f32>(name);
+            if let Some(array) = array.filter(|array| array.len() <= SMALL) {
+                weights.insert(name, array.shape(), array.as_slice());
+            }
+        }
         for (name, array) in
             beside.names().filter_map(|name| Some((name, beside.array::<f32>(name)?)))
         {

@@ -22,8 +22,8 @@ crate::options! {
         pub batch: usize = 4, in 1..=65536;
         /// Batches whose gradients are averaged for one step.
         pub accumulate: usize = 1, in 1..=65536;
-        /// Parts that a batch is cut into, each on a tape of its own at the same time. Results depend on it (in the
-        /// last bits), on the number of threads they do not.
+        /// Parts that a batch is cut into, each on a tape of its own at the same time. Results depend on it
+        /// (in the last bits, and by which random numbers are drawn), on the number of threads they do not.
         pub shards: usize = 1, in 1..=65536;
         /// The optimiser.
         pub optimizer: OptimizerKind = OptimizerKind::Adam;
@@ -136,6 +136,10 @@ impl TrainConfig {
         if !self.milestones.is_sorted() {
             problems
                 .push(format!("`milestones` is {:?}, expected ascending epochs", self.milestones));
+        }
+        if self.patience.is_some() && self.validation_every.is_none() {
+            let text = "`patience` counts validations, and `validation-every` is none";
+            problems.push(text.to_owned());
         }
         problems
     }
@@ -312,10 +316,12 @@ mod tests {
             batch: 0,
             learning_rate: f64::NAN,
             milestones: vec![3, 2],
+            patience: Some(3),
+            validation_every: None,
             ..TrainConfig::default()
         };
         let problems = wrong.check().join("; ");
-        for field in ["`batch`", "`shards`", "`learning-rate`", "`milestones`"] {
+        for field in ["`batch`", "`shards`", "`learning-rate`", "`milestones`", "`patience`"] {
             assert!(problems.contains(field), "{field}: {problems}");
         }
     }

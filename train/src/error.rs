@@ -27,8 +27,8 @@ pub enum TrainError {
     NotFinite(#[from] Box<NotFinite>),
     /// A loss has no value.
     #[error(
-        "step {step} (epoch {epoch}): the loss of {samples} has no value: {error}; the last checkpoint is whole, resuming \
-         goes on from it"
+        "step {step} (epoch {epoch}): the loss of {samples} has no value: {error}; the last checkpoint is whole: resuming \
+         comes to the same step, a run that begins `--from` it with other settings or without that sample goes on"
     )]
     Loss {
         /// Steps taken before.

@@ -17,6 +17,14 @@ pub struct Inherited {
 }
 
 impl Inherited {
+    /// Whether a part of the model, by the first names of its arrays, has learned before: none of it begins at random.
+    pub fn is_whole(&self, part: &str) -> bool {
+        let of_it = |name: &String| {
+            name.strip_prefix(part).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+        };
+        !self.fresh.iter().any(of_it)
+    }
+
     /// What a user should know of it, a sentence each; nothing where all was taken.
     pub fn remarks(&self) -> Vec<String> {
         let told = |what: &str, names: &[String]| {
@@ -50,6 +58,9 @@ mod tests {
         let said = Inherited { fresh, ..Inherited::default() }.remarks();
         assert_eq!(said.len(), 1);
         assert!(said[0].ends_with(": fc, stages.10, stages.2, w"), "{said:?}");
+        let begun = ["fc", "fc.weight", "fcs.weight"].map(|name| vec![name.to_owned()]);
+        let whole = begun.map(|fresh| Inherited { fresh, ..Inherited::default() }.is_whole("fc"));
+        assert_eq!(whole, [false, false, true]);
         assert_eq!(Inherited::default().remarks(), Vec::<String>::new());
     }
 }

@@ -42,7 +42,7 @@ impl fmt::Display for NotFinite {
             Tensor::Sum => write!(f, "the sum of all gradients")?,
         }
         write!(f, " is not finite in {}", self.sample)?;
-        f.write_str("; the last checkpoint is whole: resume from it with a smaller `learning-rate` or with `clip-norm`, or leave that sample out")
+        f.write_str("; the last checkpoint is whole: begin another run `--from` it, with a smaller `learning-rate`, with `clip-norm`, or without that sample")
     }
 }
 

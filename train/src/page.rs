@@ -7,6 +7,7 @@ use serde_json::Value;
 use super::log::{History, Line};
 use super::system::Shown;
 use crate::report::{Chart, Figure, Report, Series, Table};
+use crate::settings::settings_of;
 
 /// The page about a run as far as it came.
 pub(super) fn report(system: &str, config: &str, history: &History, shown: &Shown) -> Report {
@@ -98,7 +99,24 @@ fn charts(history: &History) -> Vec<Chart> {
     charts
 }
 
+/// The settings in the order of the file. A list may stand on several lines there.
 fn options(config: &str) -> impl Iterator<Item = (&str, String)> {
-    let pairs = config.lines().filter_map(|line| line.split_once(" = "));
-    pairs.map(|(name, value)| (name, value.to_owned()))
+    let settings = settings_of(config);
+    let names = config.lines().filter_map(|line| line.split_once(" = ")).map(|(name, _)| name);
+    names.filter_map(move |name| Some((name, settings.get(name)?.clone())))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::options;
+
+    #[test]
+    fn a_list_on_several_lines_is_one_setting() {
+        let config = "families = [\n    \"car\",\n    \"chair\",\n]\nlevel = 2\n";
+        let found: Vec<_> = options(config).collect();
+        assert_eq!(
+            found,
+            [("families", r#"["car", "chair"]"#.to_owned()), ("level", "2".to_owned())]
+        );
+    }
 }

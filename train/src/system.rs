@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::config::{Configuration, TrainConfig};
 use super::draw::Draw;
 use super::error::{DataError, LossError, PredictError};
+use super::inherited::Inherited;
 use super::optimizer::OptimizerState;
 use super::step_info::StepInfo;
 use super::subset::{DataSummary, Subset};
@@ -63,11 +64,16 @@ pub trait System: Module<f32> + Send + Sync + Sized {
 
     /// Called once on a fresh system: takes over what the data decides, its scale or statistics,
     /// into parameters that are not trained, so that checkpoints have it; and reads the files of
-    /// weights that its configuration names.
+    /// weights that its configuration names. What was learned by the training that it
+    /// [begins with](super::Job::from) stays: see [`Inherited::is_whole`].
     ///
     /// # Errors
     /// If such a file is damaged or does not fit.
-    fn init_from_data(&mut self, _data: &Self::Data) -> Result<(), DataError> {
+    fn init_from_data(
+        &mut self,
+        _data: &Self::Data,
+        _inherited: Option<&Inherited>,
+    ) -> Result<(), DataError> {
         Ok(())
     }
 

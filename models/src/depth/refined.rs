@@ -10,8 +10,8 @@ use ndarray::{Array3, ArrayD, arr0};
 use nets::{Init, MeshRefinementHead, NormKind};
 use recon::scene::scene_of;
 use train::{
-    Compile, Compiled, DataError, DataSummary, Draw, LossError, Metric, PredictError, Shown,
-    Source, StepInfo, Subset, Summary, System, Terms,
+    Compile, Compiled, DataError, DataSummary, Draw, Inherited, LossError, Metric, PredictError,
+    Shown, Source, StepInfo, Subset, Summary, System, Terms,
 };
 
 use super::config::RefineConfig;
@@ -328,8 +328,13 @@ impl<B: MeshInit> System for Refined<B> {
         }
     }
 
-    fn init_from_data(&mut self, _: &Scenes) -> Result<(), DataError> {
-        if let Some(path) = self.refine().weights.clone() {
+    fn init_from_data(
+        &mut self,
+        _: &Scenes,
+        inherited: Option<&Inherited>,
+    ) -> Result<(), DataError> {
+        let begins = inherited.is_none_or(|i| !i.is_whole("encoder"));
+        if let Some(path) = self.refine().weights.clone().filter(|_| begins) {
             let loaded = self.encoder.load(&path);
             loaded.map_err(unusable)?;
         }

@@ -10,7 +10,7 @@ use train::Compiled;
 use train::settings::Options as _;
 
 use super::carving::{carved, keep_joined};
-use super::config::{RefineConfig, VoxelConfig};
+use super::config::{DepthKind, RefineConfig, VoxelConfig};
 use super::mesh_init::{InitialMeshes, MeshInit};
 use super::packed::{Packed, Shape};
 use super::refined::Refined;
@@ -29,9 +29,11 @@ pub struct Voxels {
     threshold: f32,
     corner_aligned: bool,
     carving: bool,
+    /// Whether the depth that the images bring is that of the surface.
+    measured: bool,
     manifold: bool,
 }
-impl_module!(Voxels: f32 { head } fixed { threshold, corner_aligned, carving, manifold });
+impl_module!(Voxels: f32 { head } fixed { threshold, corner_aligned, carving, measured, manifold });
 
 /// Where a surface of `cells` along each axis of the cube goes if corner `i` stands where the middles of the first and the
 /// last cell are the ends: at `2 i / (cells - 1) - 1`.
@@ -126,6 +128,7 @@ impl MeshInit for Voxels {
             threshold: config.threshold as f32,
             corner_aligned,
             carving,
+            measured: config.refine.depth == DepthKind::True,
             manifold: config.manifold,
         }
     }
@@ -138,7 +141,7 @@ impl MeshInit for Voxels {
         let tape = coarsest.tape();
         let logits = tape.scope("voxels", || self.head.forward(coarsest));
         let cells = self.head.cells();
-        let carved = |scene: &&Scene| carved(scene, cells);
+        let carved = |scene: &&Scene| carved(scene, cells, self.measured);
         let known: Vec<Vec<f32>> = scenes.iter().filter(|_| self.carving).map(carved).collect();
         let logits = if self.carving {
             let shape = [scenes.len(), cells, cells, cells];

@@ -365,7 +365,7 @@ mod tests {
         assert!((config.edge_weight / frame[3].powi(2) / 1e-8 - 1.0).abs() < 0.02, "{frame:?}");
         let mut system = Img2Mesh::new(&config, 0);
         system
-            .init_from_data(&Data::one(&views, &config).expect("the real clock"))
+            .init_from_data(&Data::one(&views, &config).expect("the real clock"), None)
             .expect("the real clock");
         assert_eq!(system.model.frame.as_slice()[..3], [0.0; 3]);
     }

@@ -58,7 +58,7 @@ use ndarray::ArrayD;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use train::{
-    Compile, Compiled, DataError, DataSummary, Draw, LossError, Metric, OptimizerState,
+    Compile, Compiled, DataError, DataSummary, Draw, Inherited, LossError, Metric, OptimizerState,
     PredictError, Shown, Source, StepInfo, Subset, Summary, System, Terms,
 };
 
@@ -252,13 +252,18 @@ impl System for Img2Mesh {
         Self { config: config.clone(), seed, model, levels, features: FeatureCache::default() }
     }
 
-    fn init_from_data(&mut self, data: &Data) -> Result<(), DataError> {
+    fn init_from_data(
+        &mut self,
+        data: &Data,
+        inherited: Option<&Inherited>,
+    ) -> Result<(), DataError> {
         let mut frame = data.frame(&self.config)?.map(|x| x as f32);
         if self.config.world_origin {
             frame[..3].fill(0.0);
         }
         self.model.frame.as_slice_mut().copy_from_slice(&frame);
-        if let Some(path) = &self.config.weights {
+        let begins = inherited.is_none_or(|i| !i.is_whole("encoder"));
+        if let Some(path) = self.config.weights.as_ref().filter(|_| begins) {
             let loaded = self.model.encoder.load(path);
             loaded.map_err(unusable)?;
         }

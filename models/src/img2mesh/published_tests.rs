@@ -151,7 +151,7 @@ fn first_colors_are_published_or_gray() {
     let data = Data::one(&views(4), &tiny(&[])).unwrap();
     let [published, ours] = ["1.0", "0.05"].map(|first| {
         let mut system = Img2Mesh::new(&tiny(&[("first-colors", first)]), 2);
-        system.init_from_data(&data).unwrap();
+        system.init_from_data(&data, None).unwrap();
         let mesh = system.predict(&views(2).views).unwrap();
         let colors = mesh.colors.unwrap();
         let colors = colors.as_flattened();

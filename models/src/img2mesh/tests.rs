@@ -96,7 +96,7 @@ fn every_parameter_gets_a_gradient() {
         };
         let data = Data::one(&ellipsoid([1.0, 0.6, 0.8], 8, 24), &config).unwrap();
         let mut system = Img2Mesh::new(&config, 1);
-        system.init_from_data(&data).unwrap();
+        system.init_from_data(&data, None).unwrap();
         let batch: Vec<Sample> = (0..2)
             .map(|item| {
                 let draw = Draw { seed: 0, epoch: 0, index: item as u64, item };
@@ -135,7 +135,7 @@ fn a_tiny_training_finds_the_shape() {
     (config.train.learning_rate, config.train.validation_every) = (2e-3, None);
     let data = Data::one(&ellipsoid([1.2, 0.5, 0.8], 40, 32), &config.system).unwrap();
     let mut fresh = Img2Mesh::new(&config.system, 0);
-    fresh.init_from_data(&data).unwrap();
+    fresh.init_from_data(&data, None).unwrap();
     let before = fresh.evaluate(&data, Subset::Validation).unwrap();
     let run = RunFolder::create(&place.path().join("run"), false).unwrap();
     let provenance = Provenance::default();
@@ -234,7 +234,7 @@ fn many_objects_are_split_by_their_layout_or_by_us() {
     let greedy = Img2MeshConfig { views: 9, ..config.clone() };
     // Nothing can be learned with so many, but what was learned can be scored.
     let few = Data::many(entries(|_| None), ReadOptions::default(), &greedy).unwrap();
-    let error = Img2Mesh::new(&greedy, 0).init_from_data(&few).unwrap_err().to_string();
+    let error = Img2Mesh::new(&greedy, 0).init_from_data(&few, None).unwrap_err().to_string();
     assert!(error.contains("5 views") && error.contains('9'), "{error}");
     assert!(system.evaluate_with(&few, Subset::Test, 9).is_ok());
 }
@@ -303,8 +303,10 @@ fn pretrained_weights_are_loaded_and_frozen_ones_stay() {
     let [a, b] = [&trained, &loaded].map(|system| system.predict(&views).unwrap().positions);
     assert_eq!(a, b);
     let mut fresh = Img2Mesh::new(&config.system, 0);
-    let error = fresh.init_from_data(&data).unwrap_err().to_string();
+    let error = fresh.init_from_data(&data, None).unwrap_err().to_string();
     assert!(error.contains("vgg16.safetensors"), "{error}");
+    // Nor does one that begins with its weights.
+    fresh.init_from_data(&data, Some(&train::Inherited::default())).unwrap();
 }
 
 /// Features that are kept give the same bits as an encoder that is run each time.
@@ -316,7 +318,7 @@ fn kept_features_change_nothing() {
     let data = Data::one(&views, &Img2MeshConfig { hold_out: None, ..config.clone() }).unwrap();
     let [run, kept] = [config, frozen].map(|config| {
         let mut system = Img2Mesh::new(&config, 3);
-        system.init_from_data(&data).unwrap();
+        system.init_from_data(&data, None).unwrap();
         // Twice: the second time from what was kept.
         let meshes = [(); 2].map(|()| system.predict(&views.views[..1]).unwrap().positions);
         assert_eq!(meshes[0], meshes[1]);

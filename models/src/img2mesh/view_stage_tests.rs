@@ -28,7 +28,7 @@ fn stages_learn_from_where_vertices_are_seen() {
     let config = placed();
     let data = Data::synthetic(&config.system).unwrap();
     let mut fresh = Img2Mesh::new(&config.system, 0);
-    fresh.init_from_data(&data).unwrap();
+    fresh.init_from_data(&data, None).unwrap();
     let trial = data.trial(&config.system, (Subset::Validation, 2), 0).unwrap();
     let tape = Tape::eval();
     let sequence = fresh.sequence(&tape, 1, &trial.given);

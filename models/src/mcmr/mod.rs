@@ -69,7 +69,7 @@ use mesh_core::cotangent_laplacian;
 use nets::{LoadWeights, NormKind};
 use recon::scene::scene_of;
 use train::{
-    Compile, Compiled, DataError, DataSummary, Draw, LossError, Metric, OptimizerState,
+    Compile, Compiled, DataError, DataSummary, Draw, Inherited, LossError, Metric, OptimizerState,
     PredictError, Shown, Source, StepInfo, Subset, Summary, System, Terms,
 };
 
@@ -238,9 +238,17 @@ impl System for Mcmr {
         Self { config: config.clone(), model, template, renderer }
     }
 
-    fn init_from_data(&mut self, data: &Data) -> Result<(), DataError> {
-        self.camera_begins_at(data)?;
-        let Some(path) = &self.config.weights else { return Ok(()) };
+    fn init_from_data(
+        &mut self,
+        data: &Data,
+        inherited: Option<&Inherited>,
+    ) -> Result<(), DataError> {
+        let begins = |part: &str| inherited.is_none_or(|i| !i.is_whole(part));
+        if begins("viewpoint") {
+            self.camera_begins_at(data)?;
+        }
+        let weights = self.config.weights.as_ref().filter(|_| begins("encoder"));
+        let Some(path) = weights else { return Ok(()) };
         let loaded = LoadWeights::partial().load(path, &mut self.model.encoder);
         loaded.map(|_| ()).map_err(unusable)
     }
@@ -328,7 +336,12 @@ impl System for Mcmr {
 
     fn coupling(&self) -> Option<&'static str> {
         let text = "`norm` is \"batch\" or \"frozen\", whose norms of codes have the statistics of the batch (`norm = \"group\"` has none)";
-        (self.config.norm != NormKind::Group).then_some(text)
+        let c = &self.config;
+        let balance = "`balance-weight` is above 0, which asks of the batch that all shapes are used (0 asks nothing)";
+        match c.norm {
+            NormKind::Group => (c.balance_weight > 0.0 && c.shapes > 1).then_some(balance),
+            _ => Some(text),
+        }
     }
 
     /// A textured mesh, its camera and the selection, from the first view; of the view's own camera only the lens counts,

@@ -114,7 +114,8 @@ fn scores_of(
     truth: &SurfacePoints,
 ) -> PointScores {
     let quality = Quality::of(mesh);
-    let finite = positions.as_flattened().iter().all(|x| x.is_finite());
+    // What did not come to its end is no mesh at all, and has no points.
+    let finite = !positions.is_empty() && positions.as_flattened().iter().all(|x| x.is_finite());
     if !finite || truth.positions.is_empty() {
         let [chamfer, earth_mover, normals] = [f64::NAN; 3];
         let (f_score, f_score_double) = (0.0, 0.0);

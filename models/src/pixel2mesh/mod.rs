@@ -20,6 +20,7 @@ mod config;
 mod continuous;
 mod decay;
 mod deformer;
+mod framing;
 mod mesh_pairs;
 #[cfg(test)]
 mod object_frame_tests;

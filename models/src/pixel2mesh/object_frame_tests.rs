@@ -131,7 +131,7 @@ fn estimating(camera: CameraSource) -> (Pixel2Mesh, Pairs) {
     config.shared.camera_hypotheses = 8;
     let data = crate::testing::made::<Pixel2Mesh>(&config, 0);
     let mut system = Pixel2Mesh::new(&config, 0);
-    system.init_from_data(&data).unwrap();
+    system.init_from_data(&data, None).unwrap();
     (system, data)
 }
 

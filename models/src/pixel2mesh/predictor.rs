@@ -9,6 +9,7 @@ use train::{DataError, PredictError, Subset};
 use super::camera::{Estimate, Seen};
 use super::config::CameraSource;
 use super::deformer::Deformer;
+use super::framing::framed;
 use super::single_view::{SingleView, maps};
 use crate::paired::{FrameKind, InputImage, Pairs};
 use crate::parts::of_each;
@@ -24,10 +25,18 @@ impl<D: Deformer> Predictor for SingleView<D> {
     const ABOUT: &'static str = D::ABOUT;
     const TRAINING: &'static str = D::TRAINING;
 
-    /// In the object's frame an image that has no camera is given the one that is estimated, so that its mesh stands upright.
+    /// An image that has no camera is framed as those that were learned. In the object's frame an image that has no camera is given the one that is estimated, so that its mesh stands upright.
     fn load(&self, request: &Request<'_>) -> Result<PredictInput, DataError> {
         let mut input = PredictInput::single(request)?;
-        if input.camera_assumed && self.shared().frame == FrameKind::Object {
+        if !input.camera_assumed {
+            return Ok(input);
+        }
+        if let Some(view) = framed(&input.given[0]) {
+            input.given[0] = view;
+            let text = "the part of the image around the object was taken, as large and as far in the middle as in those that were learned";
+            input.warnings.push(text.to_owned());
+        }
+        if self.shared().frame == FrameKind::Object {
             self.give_camera(&mut input)?;
         }
         Ok(input)

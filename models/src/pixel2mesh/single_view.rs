@@ -8,8 +8,8 @@ use nets::{Init, Pixel2MeshEncoder, ViewpointGuess, ViewpointHead};
 use ode_deform::solve::{SolveError, Stats};
 use recon::scene::scene_of;
 use train::{
-    Compile, Compiled, DataError, DataSummary, Draw, LossError, Metric, PredictError, Shown,
-    Source, StepInfo, Subset, Summary, System, Terms,
+    Compile, Compiled, DataError, DataSummary, Draw, Inherited, LossError, Metric, PredictError,
+    Shown, Source, StepInfo, Subset, Summary, System, Terms,
 };
 
 use super::config::{EncoderForm, SharedConfig};
@@ -262,7 +262,14 @@ impl<D: Deformer> System for SingleView<D> {
         Self { config: config.clone(), seed, encoder, deformer, template, viewpoint }
     }
 
-    fn init_from_data(&mut self, data: &Pairs) -> Result<(), DataError> {
+    fn init_from_data(
+        &mut self,
+        data: &Pairs,
+        inherited: Option<&Inherited>,
+    ) -> Result<(), DataError> {
+        if inherited.is_some_and(|i| i.is_whole("viewpoint")) {
+            return Ok(());
+        }
         self.camera_begins_at(data)
     }
 

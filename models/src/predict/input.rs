@@ -160,9 +160,6 @@ impl PredictInput {
 
     /// A single image of an object, as if taken by one of 3D-R2N2's cameras.
     fn image(request: &Request<'_>) -> Result<Self, DataError> {
-        /// Middle of the elevations and of the distances of 3D-R2N2's renderings.
-        const ELEVATION: f64 = 27.5;
-        const DISTANCE: f64 = 0.8;
         let path = request.path;
         if let Some(option) = of_several_views(request) {
             let text = format!(
@@ -171,9 +168,8 @@ impl PredictInput {
             );
             return Err(DataError::Unfit(text));
         }
-        let camera = |width, height| Camera::from_r2n2(0.0, ELEVATION, DISTANCE, width, height);
         let Photograph { view, guessed } =
-            Photograph::read(path, &camera, &request.options).map_err(DataError::read)?;
+            Photograph::read(path, &assumed_camera, &request.options).map_err(DataError::read)?;
         let mut warnings = vec![
             "the camera of a single image is assumed: 35 mm on a sensor 32 mm wide, the object in the middle and seen from \
              27.5 degrees above"
@@ -326,4 +322,11 @@ fn unknown(source: &Path, absent: &[&str], views: &[View], warnings: &[String]) 
         absent.join(", "),
         names.join(", "),
     ))
+}
+
+/// The camera of an image that says nothing of it: in the middle of the elevations and of the distances of 3D-R2N2's renderings.
+pub(crate) fn assumed_camera(width: usize, height: usize) -> Camera {
+    const ELEVATION: f64 = 27.5;
+    const DISTANCE: f64 = 0.8;
+    Camera::from_r2n2(0.0, ELEVATION, DISTANCE, width, height)
 }

@@ -37,6 +37,7 @@ mod tests;
 
 pub use deliver::{Delivery, Metrics, deliver};
 pub use familiarity::Familiarity;
+pub(crate) use input::assumed_camera;
 pub use input::{Choice, PredictInput, Request};
 pub use judgement::Judgement;
 pub use one_pass::OnePass;

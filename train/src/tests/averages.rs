@@ -120,6 +120,8 @@ fn weights_are_given_away_in_half_the_bytes() {
     for (a, b) in weights(&loaded).iter().zip(weights(&trained.system)) {
         assert!((a - b).abs() <= b.abs() / 2048.0 + 1e-7, "{a} {b}");
     }
+    // What is small stays whole.
+    assert_eq!(loaded.seen.as_slice(), trained.system.seen.as_slice());
     let (begun, _) = begun_with(&file, &place.path().join("next"), &config);
     assert_eq!(begun.unwrap().steps, 12);
     // What stands beside the weights is read as it was, and is none of them.

@@ -46,7 +46,7 @@ pub struct Job<'a, S: System> {
     /// Whether the folder's run goes on, instead of beginning anew.
     pub resume: bool,
     /// A checkpoint of the same system whose weights a new run begins with, those of the averages where it has any. What is not
-    /// there begins at random, and is told by an [`Event::Inherited`]; an encoder's own weights go over it.
+    /// there begins at random, and is told by an [`Event::Inherited`].
     pub from: Option<&'a Path>,
 }
 
@@ -188,7 +188,7 @@ impl<S: System> Trainer<'_, '_, '_, S> {
     }
 
     /// Whether validation's best is as old as the patience: known from its step, so that runs that go on know it too.
-    fn is_stale(&self) -> bool {
+    pub(super) fn is_stale(&self) -> bool {
         let train = &self.job.config.train;
         let (Some(patience), Some(every)) = (train.patience, train.validation_every) else {
             return false;

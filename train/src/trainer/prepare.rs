@@ -134,7 +134,7 @@ fn begin<S: System>(job: &Job<'_, S>) -> Result<Begun<S>, TrainError> {
         Some(path) => Some(Checkpoint::read(path)?.lend(&mut system)?),
         None => None,
     };
-    system.init_from_data(job.data)?;
+    system.init_from_data(job.data, inherited.as_ref())?;
     let optimizer = AnyOptimizer::new(train, &system.rates());
     let average = train.ema_decay.map(|decay| Average::new(decay, &system));
     let state = TrainState::default();

@@ -48,7 +48,8 @@ impl<S: System> Trainer<'_, '_, '_, S> {
             let (epoch, best) = (Some(epoch), Some(best));
             self.tell(&Event::Evaluated { step, epoch, metrics, best });
         }
-        if turn(train.samples_every) {
+        // A run that ends early ends here, too.
+        if turn(train.samples_every) || self.is_stale() {
             let data = self.job.data;
             let shown =
                 self.averaged(|system| in_pool(|| system.show(data, Subset::Validation)))?;
