@@ -26,13 +26,25 @@ impl<B: MeshInit> Predictor for Refined<B> {
     }
 
     fn load(&self, request: &Request<'_>) -> Result<PredictInput, DataError> {
-        let options = ReadOptions { depth: true, ..request.options.clone() };
-        let mut input = PredictInput::one(&Request { options, ..request.clone() })?;
-        let view = &mut input.given[0];
-        if let Some(intrinsics) = request.intrinsics {
-            look_through(view, intrinsics)?;
-            input.warnings.retain(|warning| !warning.starts_with("the camera of a single"));
+        let mut options = ReadOptions { depth: true, ..request.options.clone() };
+        if request.intrinsics.is_some() {
+            // They count the pixels of the image as it is, which is made smaller once it has them.
+            (options.max_size, options.shrink_to_limit) = (None, false);
         }
+        let mut input = PredictInput::one(&Request { options, ..request.clone() })?;
+        if let Some(intrinsics) = request.intrinsics {
+            look_through(&mut input.given[0], intrinsics)?;
+            if let Some(longest) = request.options.max_size {
+                let views = input.given.iter_mut().chain(&mut input.others);
+                views.for_each(|view| *view = view.clone().at_most(longest));
+            }
+            if input.camera_assumed {
+                input.warnings.retain(|warning| !warning.starts_with("the camera of a single"));
+                let text = "where the camera of a single image stands is assumed: the object is seen from 27.5 degrees above";
+                input.warnings.push(text.to_owned());
+            }
+        }
+        let view = &mut input.given[0];
         if let Some(path) = request.depth {
             let depth = GivenDepth::read(path, view, B::refine(self.config()).depth)?;
             view.depth = Some(depth.map);
@@ -224,8 +236,8 @@ mod tests {
         let given = Request { depth: Some(&depth), intrinsics, ..request.clone() };
         let input = system.load(&given).unwrap();
         // 4 x 4 numbers for 32 x 32 pixels.
-        let [warning] = input.warnings.as_slice() else { panic!("{:?}", input.warnings) };
-        assert!(warning.contains("depth.pfm"), "{warning}");
+        let [camera, warning] = input.warnings.as_slice() else { panic!("{:?}", input.warnings) };
+        assert!(camera.starts_with("where the camera") && warning.contains("depth.pfm"));
         let Prediction { mesh, sequence, .. } = system.apply(&input).unwrap();
         assert!(
             mesh.colors.is_some() && mesh.positions.as_flattened().iter().all(|x| x.is_finite())
@@ -233,6 +245,11 @@ mod tests {
         assert_eq!(sequence.len(), 4);
         assert_eq!(sequence[3].positions, mesh.positions);
         assert_eq!(mesh, system.predict(&input.given).unwrap());
+        // They count the pixels of the image as it is.
+        let options = ReadOptions { max_size: Some(16), ..given.options.clone() };
+        let smaller = system.load(&Request { options, depth: None, ..given.clone() });
+        let lens = smaller.unwrap().given[0].camera.lens.numbers();
+        assert_eq!(lens, [30.0, 30.0, 8.0, 8.0]);
         let wrong = Request { intrinsics: Some([0.0, 1.0, 2.0, 3.0]), ..given.clone() };
         assert!(system.load(&wrong).unwrap_err().to_string().contains("--intrinsics"));
         // Systems that take no depth say so.
