@@ -5,10 +5,11 @@ use std::any::Any;
 use autodiff_lite::{Real, Tape, Tensor};
 use ndarray::{ArrayD, ArrayViewD};
 use numpy::{
-    Element, PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray,
-    PyUntypedArrayMethods,
+    Element, PyArray1, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn,
+    PyUntypedArray, PyUntypedArrayMethods,
 };
-use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::conversion::FromPyObjectOwned;
+use pyo3::exceptions::{PyOverflowError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 
 use crate::error;
@@ -24,10 +25,11 @@ impl<'py> FromPyObject<'_, 'py> for Floats<'py> {
     type Error = PyErr;
 
     fn extract(object: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
-        if let Ok(array) = object.cast::<PyArrayDyn<f32>>() {
+        let array = aligned(&object)?;
+        if let Ok(array) = array.cast::<PyArrayDyn<f32>>() {
             return Ok(Self::Single(array.try_readonly().map_err(error::value)?));
         }
-        if let Ok(array) = object.cast::<PyArrayDyn<f64>>() {
+        if let Ok(array) = array.cast::<PyArrayDyn<f64>>() {
             return Ok(Self::Double(array.try_readonly().map_err(error::value)?));
         }
         let found = found(&object)?;
@@ -38,6 +40,16 @@ impl<'py> FromPyObject<'_, 'py> for Floats<'py> {
         };
         Err(PyTypeError::new_err(format!("{expected}, found {found}{hint}")))
     }
+}
+
+/// An array whose elements stand where numbers of its type may, a copy of one whose do not, as a field of records of 15 bytes: strides
+/// are counted in elements from here on. Whatever is no array as it is.
+fn aligned<'py>(object: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+    let is_array = object.cast::<PyUntypedArray>().is_ok();
+    if is_array && !object.getattr("flags")?.getattr("aligned")?.is_truthy()? {
+        return object.call_method0("copy");
+    }
+    Ok(object.clone())
 }
 
 /// What an object is, for messages.
@@ -183,11 +195,12 @@ fn first_nan<F: Precision>(array: &ArrayViewD<'_, F>) -> Option<Vec<usize>> {
     array.indexed_iter().nth(flat).map(|(index, _)| ndarray::Dimension::slice(&index).to_vec())
 }
 
-/// Triples or pairs of indices that Python lends: any of NumPy's usual integers.
+/// Triples or pairs of indices that Python lends: any of NumPy's integers.
 pub(crate) fn indices<const K: usize>(
     name: &str,
     array: &Bound<'_, PyAny>,
 ) -> PyResult<Vec<[u32; K]>> {
+    let array = &aligned(array)?;
     let flat = match array.cast::<PyArrayDyn<u32>>() {
         Ok(array) => {
             array.try_readonly().map_err(error::value)?.as_array().iter().copied().collect()
@@ -209,16 +222,29 @@ fn narrowed(name: &str, array: &Bound<'_, PyAny>) -> PyResult<Vec<u32>> {
         PyValueError::new_err(format!("{name}: {x} is no index, expected 0 to 4294967294"))
     };
     let narrow = |x: i64| u32::try_from(x).map_err(|_| outside(&x));
-    if let Ok(array) = array.cast::<PyArrayDyn<i64>>() {
-        let array = array.try_readonly().map_err(error::value)?;
-        return array.as_array().iter().map(|&x| narrow(x)).collect();
-    }
-    if let Ok(array) = array.cast::<PyArrayDyn<i32>>() {
-        let array = array.try_readonly().map_err(error::value)?;
-        return array.as_array().iter().map(|&x| narrow(i64::from(x))).collect();
+    let is_whole =
+        array.cast::<PyUntypedArray>().is_ok_and(|a| matches!(a.dtype().kind(), b'i' | b'u'));
+    if is_whole {
+        // What does not fit into 64 bits with a sign comes out below 0, and is refused.
+        let wide = array.call_method1("astype", ("int64",))?;
+        let wide = wide.cast::<PyArrayDyn<i64>>()?.try_readonly().map_err(error::value)?;
+        return wide.as_array().iter().map(|&x| narrow(x)).collect();
     }
     let found = found(array)?;
     Err(PyTypeError::new_err(format!("{name}: a NumPy array of integers expected, found {found}")))
+}
+
+/// A whole number that is not negative; a negative one is a wrong value, as any that is out of range.
+pub(crate) fn whole<'py, T: FromPyObjectOwned<'py>>(object: &Bound<'py, PyAny>) -> PyResult<T> {
+    object.extract::<T>().map_err(|error| {
+        let error: PyErr = error.into();
+        if error.is_instance_of::<PyOverflowError>(object.py()) {
+            return PyValueError::new_err(format!(
+                "a whole number from 0 on expected, found {object}"
+            ));
+        }
+        error
+    })
 }
 
 /// A NumPy array that takes the memory over.

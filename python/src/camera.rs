@@ -8,7 +8,7 @@ use numpy::IntoPyArray;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
-use crate::arrays::{self, Floats};
+use crate::arrays::{self, Floats, whole};
 use crate::error;
 use crate::recorded::{Arguments, Recorded, fits, record};
 use crate::wanted::Wanted;
@@ -39,8 +39,8 @@ impl Camera {
         target: [f64; 3],
         up: [f64; 3],
         fov_y: f64,
-        width: usize,
-        height: usize,
+        #[pyo3(from_py_with = whole)] width: usize,
+        #[pyo3(from_py_with = whole)] height: usize,
     ) -> PyResult<Self> {
         // Degrees would make a camera as well: 45 radians are as wide as 58 degrees.
         if !(fov_y > 0.0 && fov_y < std::f64::consts::PI) {
@@ -57,8 +57,8 @@ impl Camera {
         rotation: [[f64; 3]; 3],
         translation: [f64; 3],
         intrinsics: [[f64; 3]; 3],
-        width: usize,
-        height: usize,
+        #[pyo3(from_py_with = whole)] width: usize,
+        #[pyo3(from_py_with = whole)] height: usize,
     ) -> PyResult<Self> {
         let camera =
             mesh_core::Camera::from_opencv(rotation, translation, intrinsics, width, height);
@@ -73,8 +73,8 @@ impl Camera {
         fy: f64,
         cx: f64,
         cy: f64,
-        width: usize,
-        height: usize,
+        #[pyo3(from_py_with = whole)] width: usize,
+        #[pyo3(from_py_with = whole)] height: usize,
     ) -> PyResult<Self> {
         checked(mesh_core::Camera::from_opengl(camera_to_world, fx, fy, cx, cy, width, height))
     }
@@ -90,8 +90,8 @@ impl Camera {
         translation: [f64; 3],
         focal: [f64; 2],
         principal: [f64; 2],
-        width: usize,
-        height: usize,
+        #[pyo3(from_py_with = whole)] width: usize,
+        #[pyo3(from_py_with = whole)] height: usize,
     ) -> PyResult<Self> {
         checked(mesh_core::Camera::from_pytorch3d_ndc(
             rotation,
@@ -110,8 +110,8 @@ impl Camera {
         translation: [f64; 3],
         model: &str,
         params: Vec<f64>,
-        width: usize,
-        height: usize,
+        #[pyo3(from_py_with = whole)] width: usize,
+        #[pyo3(from_py_with = whole)] height: usize,
     ) -> PyResult<Self> {
         let camera =
             mesh_core::Camera::from_colmap(quaternion, translation, model, &params, width, height);
@@ -125,8 +125,8 @@ impl Camera {
         translation: [f64; 3],
         scale: [f64; 2],
         center: [f64; 2],
-        width: usize,
-        height: usize,
+        #[pyo3(from_py_with = whole)] width: usize,
+        #[pyo3(from_py_with = whole)] height: usize,
     ) -> PyResult<Self> {
         let rotation = Matrix3::from_fn(|i, j| rotation[i][j]);
         let translation = Vector3::from(translation);
@@ -185,7 +185,11 @@ impl Camera {
     }
 
     /// The same camera with another image size.
-    fn resized(&self, width: usize, height: usize) -> PyResult<Self> {
+    fn resized(
+        &self,
+        #[pyo3(from_py_with = whole)] width: usize,
+        #[pyo3(from_py_with = whole)] height: usize,
+    ) -> PyResult<Self> {
         if width == 0 || height == 0 {
             return Err(error::value("resized: an image of at least one pixel expected"));
         }
@@ -223,8 +227,8 @@ pub(crate) fn of_parts(
     rotation: [[f64; 3]; 3],
     translation: [f64; 3],
     intrinsics: [f64; 4],
-    width: usize,
-    height: usize,
+    #[pyo3(from_py_with = whole)] width: usize,
+    #[pyo3(from_py_with = whole)] height: usize,
 ) -> PyResult<Camera> {
     let [x, y, cx, cy] = intrinsics;
     let lens = if is_perspective {

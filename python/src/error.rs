@@ -1,10 +1,12 @@
 //! Errors of the libraries as exceptions of Python, with their text.
 
 use std::any::Any;
+use std::error::Error;
 use std::fmt::Display;
+use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use pyo3::exceptions::{PyOSError, PyValueError};
+use pyo3::exceptions::{PyFileNotFoundError, PyOSError, PyPermissionError, PyValueError};
 use pyo3::{PyErr, PyResult};
 
 /// A wrong value: `ValueError`.
@@ -12,9 +14,18 @@ pub(crate) fn value(error: impl Display) -> PyErr {
     PyValueError::new_err(error.to_string())
 }
 
-/// A file that cannot be had: `OSError`.
-pub(crate) fn file(error: impl Display) -> PyErr {
-    PyOSError::new_err(error.to_string())
+/// A file that cannot be had: `OSError`, and of these the one that says so where it is missing or forbidden.
+pub(crate) fn file(error: impl Error + 'static) -> PyErr {
+    let text = error.to_string();
+    let mut next: Option<&(dyn Error + 'static)> = Some(&error);
+    while let Some(cause) = next {
+        match cause.downcast_ref::<io::Error>().map(io::Error::kind) {
+            Some(io::ErrorKind::NotFound) => return PyFileNotFoundError::new_err(text),
+            Some(io::ErrorKind::PermissionDenied) => return PyPermissionError::new_err(text),
+            _ => next = cause.source(),
+        }
+    }
+    PyOSError::new_err(text)
 }
 
 /// The last door: what a library refuses by a panic becomes a `ValueError` with its text.

@@ -8,7 +8,7 @@ use numpy::IntoPyArray;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-use crate::arrays::{self, Floats};
+use crate::arrays::{self, Floats, whole};
 use crate::drawn::{Drawable, Drawn, Seen};
 use crate::error;
 use crate::precision::{self, Precision};
@@ -135,8 +135,8 @@ pub(crate) fn rasterize(
     py: Python<'_>,
     projected: Floats<'_>,
     topology: Given<'_>,
-    height: usize,
-    width: usize,
+    #[pyo3(from_py_with = whole)] height: usize,
+    #[pyo3(from_py_with = whole)] width: usize,
     near: f64,
     perspective: bool,
     cull_back_faces: bool,

@@ -7,7 +7,7 @@ use numpy::{IntoPyArray, PyArrayDyn, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
-use crate::arrays::{self, Floats};
+use crate::arrays::{self, Floats, whole};
 use crate::error;
 use crate::topology::Topology;
 
@@ -118,8 +118,15 @@ impl Mesh {
 
     /// The topology of the faces, for drawing and losses.
     fn topology(&self, py: Python<'_>) -> PyResult<Topology> {
-        let vertices = self.vertices.bind(py).extract::<Floats<'_>>()?.shape()[0];
-        Topology::of(vertices, &arrays::indices("faces", self.faces.bind(py))?)
+        let vertices = self.vertices.bind(py).extract::<Floats<'_>>()?;
+        let &[vertices, 3] = vertices.shape() else {
+            let found = vertices.shape();
+            return Err(error::value(format!(
+                "vertices: an array [V, 3] expected, found {found:?}"
+            )));
+        };
+        let faces = arrays::indices("faces", self.faces.bind(py))?;
+        py.detach(|| Topology::of(vertices, &faces))
     }
 
     /// Area of the surface, in squared units.
@@ -137,7 +144,8 @@ impl Mesh {
     /// Whether it is closed, oriented and without degenerate faces.
     #[getter]
     fn is_watertight(&self, py: Python<'_>) -> PyResult<bool> {
-        Ok(self.checked(py)?.health().is_watertight())
+        let mesh = self.checked(py)?;
+        Ok(py.detach(|| mesh.health().is_watertight()))
     }
 
     /// What is good and bad about it, as a text: counts, holes, handles, angles, folds.
@@ -239,7 +247,10 @@ pub(crate) fn byte_image(
 
 /// A unit sphere of 20 * 4**level faces. PyTorch3D's `ico_sphere`, with other numbers for the vertices. level: 0 to 9.
 #[pyfunction]
-pub(crate) fn icosphere(py: Python<'_>, level: u32) -> PyResult<Mesh> {
+pub(crate) fn icosphere(
+    py: Python<'_>,
+    #[pyo3(from_py_with = whole)] level: u32,
+) -> PyResult<Mesh> {
     if level > 9 {
         return Err(error::value(format!("icosphere: level {level}, expected at most 9")));
     }
@@ -253,8 +264,8 @@ pub(crate) fn torus(
     py: Python<'_>,
     major: f32,
     minor: f32,
-    rings: usize,
-    sides: usize,
+    #[pyo3(from_py_with = whole)] rings: usize,
+    #[pyo3(from_py_with = whole)] sides: usize,
 ) -> PyResult<Mesh> {
     if rings < 3 || sides < 3 || rings.saturating_mul(sides) > 1 << 24 {
         return Err(error::value(
@@ -267,13 +278,20 @@ pub(crate) fn torus(
 /// A box around the origin, of 12 faces. sides: lengths along x, y and z.
 #[pyfunction]
 pub(crate) fn cuboid(py: Python<'_>, sides: [f32; 3]) -> PyResult<Mesh> {
+    if !sides.iter().all(|side| side.is_finite() && *side > 0.0) {
+        return Err(error::value(format!("cuboid: sides {sides:?}, expected lengths above 0")));
+    }
     Mesh::of(py, primitives::cuboid(sides))
 }
 
 /// A solid of revolution around the y axis. profile: [n, 2], pairs of radius and height, upwards. segments: parts around.
 #[pyfunction]
 #[pyo3(signature = (profile, segments=48))]
-pub(crate) fn lathe(py: Python<'_>, profile: Floats<'_>, segments: usize) -> PyResult<Mesh> {
+pub(crate) fn lathe(
+    py: Python<'_>,
+    profile: Floats<'_>,
+    #[pyo3(from_py_with = whole)] segments: usize,
+) -> PyResult<Mesh> {
     let profile = profile.rows("lathe: profile")?;
     if profile.len() < 2 || !(3..=1 << 16).contains(&segments) {
         return Err(error::value(

@@ -6,7 +6,7 @@ use numpy::IntoPyArray;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::Floats;
+use crate::arrays::{Floats, whole};
 use crate::error;
 use crate::mesh::{self, Mesh};
 
@@ -23,9 +23,9 @@ fn pair(op: &str, image: &Floats<'_>, target: &Floats<'_>) -> PyResult<[Image; 2
 
 /// Peak signal-to-noise ratio in decibels, of images [H, W, C] in [0, 1]; inf where they are equal.
 #[pyfunction]
-pub(crate) fn psnr(image: Floats<'_>, target: Floats<'_>) -> PyResult<f64> {
+pub(crate) fn psnr(py: Python<'_>, image: Floats<'_>, target: Floats<'_>) -> PyResult<f64> {
     let [image, target] = pair("psnr", &image, &target)?;
-    Ok(metrics::psnr(&image, &target))
+    Ok(py.detach(|| metrics::psnr(&image, &target)))
 }
 
 /// Structural similarity of images [H, W, C] in [0, 1], 1 where they are equal: Gaussian window of 11 x 11, standard deviation 1.5.
@@ -130,7 +130,7 @@ pub(crate) fn evaluate(
     prediction: &Mesh,
     truth: &Mesh,
     protocol: &str,
-    seed: u64,
+    #[pyo3(from_py_with = whole)] seed: u64,
 ) -> PyResult<String> {
     let preset: Preset = protocol.parse().map_err(error::value)?;
     let (prediction, truth) = (prediction.checked(py)?, truth.checked(py)?);
@@ -145,7 +145,7 @@ pub(crate) fn voxel_iou(
     py: Python<'_>,
     prediction: &Mesh,
     truth: &Mesh,
-    resolution: usize,
+    #[pyo3(from_py_with = whole)] resolution: usize,
 ) -> PyResult<f64> {
     if !(1..=1024).contains(&resolution) {
         return Err(error::value(format!(

@@ -130,6 +130,12 @@ fn called<F: Precision>(field: &Bound<'_, PyAny>, t: f64, y: &ArrayD<F>) -> PyRe
     let py = field.py();
     py.check_signals()?;
     let answer = field.call1((t, arrays::moved(py, y.clone())))?;
+    // Of arrays without axes NumPy makes numbers wherever it computes.
+    if y.ndim() == 0
+        && let Ok(number) = answer.extract::<f64>()
+    {
+        return Ok(ArrayD::from_elem(y.raw_dim(), F::from_f64(number)));
+    }
     let array = answer.extract::<Floats<'_>>()?;
     if array.shape() != y.shape() {
         let (found, expected) = (array.shape(), y.shape());

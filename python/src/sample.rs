@@ -4,9 +4,12 @@ use mesh_core::{SurfacePoint, TriMesh};
 use numpy::IntoPyArray;
 use pyo3::prelude::*;
 
-use crate::arrays::{self, Floats};
+use crate::arrays::{self, Floats, whole};
 use crate::error;
 use crate::topology::Given;
+
+/// Points that are drawn at most.
+const MOST: usize = 1 << 28;
 
 /// Points on the faces of a mesh, as weights of their corners: what `sample_surface` draws.
 #[pyclass(frozen, module = "unsphere")]
@@ -43,12 +46,17 @@ pub(crate) fn sample_surface(
     py: Python<'_>,
     positions: Floats<'_>,
     topology: Given<'_>,
-    count: usize,
-    seed: u64,
+    #[pyo3(from_py_with = whole)] count: usize,
+    #[pyo3(from_py_with = whole)] seed: u64,
 ) -> PyResult<SurfaceSamples> {
     let positions = positions.rows("sample_surface: positions")?;
     let mesh = TriMesh::new(positions, topology.get().corners().to_vec());
     mesh.validate().map_err(error::value)?;
+    if count > MOST {
+        return Err(error::value(format!(
+            "sample_surface: {count} points, expected at most {MOST}"
+        )));
+    }
     let points = py.detach(|| mesh_core::sample_surface(&mesh, count, seed));
     if points.len() == count {
         Ok(SurfaceSamples { points })

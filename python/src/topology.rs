@@ -7,7 +7,8 @@ use mesh_core::Csr;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 
-use crate::{arrays, error};
+use crate::arrays::{self, whole};
+use crate::error;
 
 /// Topology(faces, vertices)
 ///
@@ -69,7 +70,10 @@ impl Given<'_> {
 #[pymethods]
 impl Topology {
     #[new]
-    fn new(faces: &Bound<'_, PyAny>, vertices: usize) -> PyResult<Self> {
+    fn new(
+        faces: &Bound<'_, PyAny>,
+        #[pyo3(from_py_with = whole)] vertices: usize,
+    ) -> PyResult<Self> {
         Self::of(vertices, &arrays::indices("Topology: faces", faces)?)
     }
 

@@ -72,7 +72,7 @@ impl Views {
             let of = |image: &ByteImage| [image.height, image.width];
             if of(&color) != size || of(&mask) != size || [color.channels, mask.channels] != [3, 1] {
                 let [height, width] = size;
-                let swapped = of(&color) == [width, height] && of(&mask) == [width, height];
+                let swapped = height != width && of(&color) == [width, height] && of(&mask) == [width, height];
                 let remedy = if swapped { "; are the camera's height and width swapped?" } else { "" };
                 let text = format!(
                     "Views: view {i}: image {:?} of {} channels, mask {:?}, camera {size:?} (height, width): \

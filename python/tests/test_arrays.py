@@ -45,6 +45,10 @@ def test_arrays_of_any_strides():
         a, b = us.l2(other, target), us.l2(own, target)
         assert a.value == b.value and np.array_equal(a.backward()[0], b.backward()[0])
         assert np.allclose(a.backward()[0], 2 * (own - target) / own.size)
+    records = np.zeros(6, [("xyz", "<f4", 3), ("rgb", "u1", 3), ("face", "<u4", 3)])
+    records["xyz"], records["face"] = np.random.default_rng(1).standard_normal((6, 3)), [0, 1, 2]
+    assert us.l1(records["xyz"], np.ascontiguousarray(records["xyz"])).value == 0
+    assert np.array_equal(us.Topology(records["face"], 6).faces, np.tile(np.arange(3), (6, 1)))
     image = us.depth(frame())
     turned = np.asfortranarray(np.ones((1, 16, 24), np.float32))
     assert np.array_equal(image.backward(turned)[0], image.backward(np.ones((1, 16, 24), np.float32))[0])
@@ -52,7 +56,7 @@ def test_arrays_of_any_strides():
 
 def test_faces_of_any_integers():
     faces = us.icosphere(1).faces
-    for kind in (np.int32, np.int64, np.uint32):
+    for kind in (np.int32, np.int64, np.uint32, np.uint8, np.int16, np.uint64):
         assert np.array_equal(us.Topology(faces.astype(kind), 42).faces, faces)
     with pytest.raises(ValueError, match="face 0 names vertex"):
         us.Topology(faces, 12)
@@ -268,3 +272,19 @@ def test_threads_may_share_a_result():
     [thread.start() for thread in threads]
     [thread.join() for thread in threads]
     assert all(np.array_equal(expected, gradient) for gradient in found)
+
+
+def test_counts_below_zero_are_wrong_values():
+    for wrong in (
+        lambda: us.icosphere(-1),
+        lambda: us.torus(rings=-1),
+        lambda: us.Topology(np.zeros((0, 3), np.uint32), -1),
+        lambda: us.sample_surface(us.icosphere(1).vertices, us.icosphere(1).topology(), 2**40),
+        lambda: us.cuboid([-1, 1, 1]),
+    ):
+        with pytest.raises(ValueError):
+            wrong()
+    mesh = us.icosphere(1)
+    mesh.vertices = np.zeros(())
+    with pytest.raises(ValueError, match=r"\[V, 3\]"):
+        mesh.topology()

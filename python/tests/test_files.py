@@ -60,7 +60,7 @@ def test_meshes_are_the_callers_arrays():
 
 
 def test_files_that_cannot_be_had(tmp_path):
-    with pytest.raises(OSError, match="none.ply"):
+    with pytest.raises(FileNotFoundError, match="none.ply"):
         us.read_mesh(tmp_path / "none.ply")
     broken = tmp_path / "broken.obj"
     broken.write_text("v 0 0 0\nf 1 2 3\n")

@@ -24,6 +24,11 @@ def test_steps_follow_the_error():
     assert np.allclose(back.end, np.eye(2), atol=1e-7)
 
 
+def test_a_state_without_axes():
+    found = us.odeint(lambda t, y: -y, np.array(1.0), (0, 1), method="rk4", step=0.1)
+    assert abs(found.states[-1] - np.exp(-1)) < 1e-5
+
+
 def test_single_precision_stays():
     seen = []
     found = us.odeint(lambda t, y: seen.append(y.dtype) or 2 * t * y, np.ones(3, np.float32), (0, 1), step=0.01, method="rk4")

@@ -176,7 +176,7 @@ def read_views(path: _Path, **options: object) -> Views:
 
     Raises OSError with the file, the field, what was found and what was expected.
     """
-    return _unsphere.read_views(path, _json.dumps(options, default=str))
+    return _unsphere.read_views(path, _json.dumps(options, default=_plain))
 
 
 def fit(views: Views, callback: _Optional[_Callable[[int, int, float], object]] = None, **options: object) -> Fitted:
@@ -192,8 +192,15 @@ def fit(views: Views, callback: _Optional[_Callable[[int, int, float], object]] 
     return _unsphere.fit(views, [(name, _setting(value)) for name, value in options.items()], callback)
 
 
+def _plain(value: object) -> object:
+    """What a number of NumPy is to Python; of anything else its text."""
+    item = getattr(value, "item", None)
+    return item() if callable(item) else str(value)
+
+
 def _setting(value: object) -> str:
     """A value as TOML has it."""
+    value = _plain(value) if hasattr(value, "item") else value
     if value is None:
         return "none"
     return _json.dumps(value) if isinstance(value, (bool, int, float)) else str(value)

@@ -26,7 +26,10 @@ class Adam:
         self.second = [np.zeros_like(parameter) for parameter in self.parameters]
 
     def step(self, gradients: "Iterable[NDArray[np.floating]]") -> None:
-        """One step down the gradients, one for each parameter."""
+        """One step down the gradients, one for each parameter; ValueError where there are more or fewer."""
+        gradients = list(gradients)
+        if len(gradients) != len(self.parameters):
+            raise ValueError(f"Adam: {len(gradients)} gradients of {len(self.parameters)} parameters")
         self.steps += 1
         a, b = self.betas
         for parameter, gradient, first, second in zip(self.parameters, gradients, self.first, self.second):
