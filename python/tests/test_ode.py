@@ -26,7 +26,7 @@ def test_steps_follow_the_error():
 
 def test_a_state_without_axes():
     found = us.odeint(lambda t, y: -y, np.array(1.0), (0, 1), method="rk4", step=0.1)
-    assert abs(found.states[-1] - np.exp(-1)) < 1e-5
+    assert found.end.shape == () and abs(found.end - np.exp(-1)) < 1e-5
 
 
 def test_single_precision_stays():

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use recon::fit::FitConfig;
+use recon::verdict::Grade;
 use serde::Serialize;
 use serde_json::{Map, Value};
 use train::output::{
@@ -47,7 +48,7 @@ struct Counts {
     fitted: usize,
     /// Those that could not be.
     failed: usize,
-    /// Of the fitted ones, those whose verdict is an error.
+    /// Of those that are done, before too, those whose verdict is an error.
     refused: usize,
 }
 
@@ -81,7 +82,9 @@ pub(crate) fn run(
     // What is finished is kept, whenever it ends.
     interrupt.worthwhile();
     let batch = Batch { arguments, config, folder, list, interrupt };
+    batch.refuse_others_files()?;
     batch.refuse_other_settings()?;
+    batch.refuse_other_entries()?;
     batch.refuse_other_reading()?;
     let fitted = batch.fit(console, shard);
     // Of what is finished, also where the rest was stopped.
@@ -114,6 +117,64 @@ impl Batch<'_> {
 
     fn is_done(&self, object: &ListedObject) -> bool {
         self.place(object).join("metrics.json").is_file()
+    }
+
+    /// What was made of an object.
+    fn metrics(&self, object: &ListedObject) -> Option<Value> {
+        let text = std::fs::read(self.place(object).join("metrics.json")).ok()?;
+        serde_json::from_slice(&text).ok()
+    }
+
+    /// What no batch has written stays: the page and the table of something else, and folders in which there is no fit.
+    fn refuse_others_files(&self) -> Result<(), Failure> {
+        if self.arguments.output.force {
+            return Ok(());
+        }
+        let is_begun = self.folder.join(READING).exists()
+            || self.list.iter().any(|object| self.is_done(object));
+        let pages = [PAGE, TABLE].map(|name| self.folder.join(name));
+        let mut others: Vec<PathBuf> =
+            pages.into_iter().filter(|path| !is_begun && path.exists()).collect();
+        let is_others = |place: &PathBuf| {
+            let is_empty = std::fs::read_dir(place).is_ok_and(|mut files| files.next().is_none());
+            place.exists() && !is_empty && !place.join("config.toml").is_file()
+        };
+        others.extend(self.list.iter().map(|object| self.place(object)).filter(is_others));
+        let Some(path) = others.first() else { return Ok(()) };
+        Err(Failure::Usage(format!(
+            "{} exists already, and no batch has written it; choose another folder, or allow overwriting (--force)",
+            path.display()
+        )))
+    }
+
+    /// What an object that is done was compared with, and what was up, must be what is asked now.
+    fn refuse_other_entries(&self) -> Result<(), Failure> {
+        for object in self.list.iter().filter(|_| !self.arguments.output.force) {
+            let Some(metrics) = self.metrics(object) else { continue };
+            let known = |found: bool| if found { "a true mesh" } else { "none" };
+            let was = metrics["truth"].as_array().is_some_and(|scores| !scores.is_empty());
+            let up = self.arguments.up.and_then(|up| serde_json::to_value(up).ok());
+            let other = if was != object.truth.is_some() {
+                format!("compared with {}, now the list has {}", known(was), known(!was))
+            } else if let Some(up) = up.filter(|up| *up != metrics["up"]) {
+                format!("made with {} up, now it is {up}", metrics["up"])
+            } else {
+                continue;
+            };
+            return Err(Failure::Usage(format!(
+                "{} was {other}; choose another folder, or make all again (--force)",
+                self.place(object).display()
+            )));
+        }
+        Ok(())
+    }
+
+    /// Whether the verdict on an object that is done is an error: the same answer however often it is asked.
+    fn is_refused(&self, object: &ListedObject) -> bool {
+        let Some(metrics) = self.metrics(object) else { return false };
+        let grades = [Grade::Good, Grade::Doubtful, Grade::Failed];
+        let grade = grades.into_iter().find(|g| metrics["verdict"]["grade"] == g.name());
+        grade.is_some_and(|grade| refused(grade, self.arguments.strict).is_some())
     }
 
     /// What stands there must have been made as it would be now, or the table would mix two kinds of figures.
@@ -163,6 +224,7 @@ impl Batch<'_> {
                 // What a process left that was killed at its very end goes when the place is taken and given back.
                 drop(OutputFolder::create(&self.place(object), true));
                 console.remark(format_args!("{place}: is done"));
+                counts.refused += usize::from(self.is_refused(object));
                 continue;
             }
             if self.interrupt.is_pressed() {

@@ -110,6 +110,15 @@ fn two_shards_of_which_one_was_killed_are_one_process() {
     run(&format!("{batch} -o one {TINY} --max-size 32"))
         .fails(2, &["one", "reading.json", "`max_size` null", "32", "--force"]);
     run(&format!("{batch} -o one {TINY} --mask alpha")).fails(2, &["`mask` \"auto\"", "alpha"]);
+    run(&format!("{batch} -o one {TINY} --up -y")).fails(2, &["a_1", "made with \"y\" up", "-y"]);
+    // The verdict is the same of what was done before.
+    let strict = format!("{batch} -o one {TINY} --strict");
+    assert_eq!([run(&strict), run(&strict)].map(|said| said.code()), [Some(1); 2]);
+    // Nor is a truth that the list no longer has.
+    let list = place.path().join("objects/list.txt");
+    let text = std::fs::read_to_string(&list).unwrap();
+    std::fs::write(&list, text.replace("\ta/2/mesh.ply", "")).unwrap();
+    run(&format!("{batch} -o one {TINY}")).fails(2, &["a_2", "compared with a true mesh"]);
 }
 
 #[test]
@@ -142,6 +151,16 @@ fn an_object_that_cannot_be_fitted_stops_no_other() {
     let said = run(&line).ok();
     assert!(said.stdout().contains("2 objects: 2 done, 0 failed"), "{}", said.stdout());
     assert!(!place.path().join("out/a_1.failed.txt").exists());
+
+    // What no batch has written stays.
+    let mine = place.path().join("mine/a_2");
+    std::fs::create_dir_all(&mine).unwrap();
+    std::fs::write(mine.join("mesh.obj"), "mine").unwrap();
+    run(&format!("fit --batch objects/list.txt -o mine {TINY}")).fails(2, &["a_2", "--force"]);
+    assert_eq!(std::fs::read_to_string(mine.join("mesh.obj")).unwrap(), "mine");
+    std::fs::remove_dir_all(&mine).unwrap();
+    std::fs::write(place.path().join("mine/index.html"), "mine").unwrap();
+    run(&format!("fit --batch objects/list.txt -o mine {TINY}")).fails(2, &["index.html"]);
 
     run("fit --batch nothing.txt -o out").fails(3, &["nothing.txt"]);
     run("fit --batch objects/list.txt -o out --shard 3/2").fails(2, &["--shard", "2/4"]);
