@@ -26,6 +26,17 @@ pub enum Activation {
 }
 
 impl Activation {
+    /// What is wrong with it, if anything: kernels take the larger of `x` and `slope x`, and tell from the output on which side
+    /// of 0 the input was.
+    pub(crate) fn fault(self) -> Option<String> {
+        match self {
+            Self::LeakyRelu(slope) if !(slope > 0.0 && slope <= 1.0) => {
+                Some(format!("the slope {slope} of a leaky ReLU is not within (0, 1]"))
+            }
+            _ => None,
+        }
+    }
+
     /// Whether the vector kernels apply it while they store.
     pub(crate) fn in_store(self) -> bool {
         matches!(self, Self::None | Self::Relu | Self::LeakyRelu(_))

@@ -4,7 +4,7 @@ use crate::kernels::activation::Activation;
 use crate::kernels::conv::{Conv, ConvGeometry, ConvSizes};
 use crate::{Backward, Real, Tensor, Var};
 
-use super::linear::{before_activation, give_bias};
+use super::linear::{before_activation, check_activation, give_bias};
 
 impl<F: Real> Var<'_, F> {
     /// Convolution:
@@ -104,7 +104,12 @@ impl<F: Real> Var<'_, F> {
         geometry: ConvGeometry,
         activation: Activation,
     ) -> Self {
+        check_activation(self.tape, name, activation);
         let (x, w, b) = (self.value(), weight.value(), bias.map(Self::value));
+        if geometry.stride.contains(&0) || geometry.dilation.contains(&0) {
+            let operands = [("input", x.shape(), "N, H, W, C"), ("weight", w.shape(), "")];
+            self.tape.refuse(name, "a stride or a dilation of 0", &operands);
+        }
         let sizes = self.tape.check(name, |shapes| {
             let xs = shapes.axes("input", x.shape(), ["N", "H", "W", "C"])?;
             let ws = shapes.axes("weight", w.shape(), axes)?;

@@ -7,7 +7,7 @@ use crate::kernels::conv::{Conv, ConvAlgorithm, ConvGeometry, ConvSizes};
 use crate::kernels::elementwise;
 use crate::{Backward, Pool, Real, Tensor, Var};
 
-use super::linear::{before_activation, give_bias};
+use super::linear::{before_activation, check_activation, give_bias};
 
 /// Stride, padding and dilation of a convolution over three axes, each as (slices, rows, columns).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -85,6 +85,7 @@ impl<F: Real> Var<'_, F> {
         geometry: Conv3dGeometry,
         activation: Activation,
     ) -> Self {
+        check_activation(self.tape, "conv3d", activation);
         let (x, w, b) = (self.value(), weight.value(), bias.map(Self::value));
         let sizes = self.tape.check("conv3d", |shapes| {
             let xs = shapes.axes("input", x.shape(), ["N", "D", "H", "W", "C"])?;

@@ -6,7 +6,7 @@ use crate::kernels::dropout::Kept;
 use crate::kernels::elementwise;
 use crate::kernels::gemm::Matrix;
 use crate::kernels::product::{gemm, gemm_then};
-use crate::{Backward, Op, PoolVec, Real, ShapeError, Shapes, Tensor, Var};
+use crate::{Backward, Op, PoolVec, Real, ShapeError, Shapes, Tape, Tensor, Var};
 
 use super::dropout::{keep_mask, keep_scale};
 
@@ -120,6 +120,7 @@ impl<'t, F: Real> Var<'t, F> {
     #[inline(never)]
     pub fn linear_then(self, weight: Self, bias: Option<Self>, then: LinearThen<'t, F>) -> Self {
         let LinearThen { activation, dropout, residual } = then;
+        check_activation(self.tape, "linear", activation);
         if let (Some(residual), true) = (residual, activation != Activation::None) {
             let then = LinearThen { activation, dropout, residual: None };
             return residual + self.linear_then(weight, bias, then);
@@ -166,11 +167,7 @@ fn sizes<F: Real>(
     [x, w]: [&Tensor<F>; 2],
     [bias, residual]: [&Option<Tensor<F>>; 2],
 ) -> Result<[usize; 3], ShapeError> {
-    let Some((&d, leading)) = x.shape().split_last() else {
-        return Err(shapes.error("the input has no axis"));
-    };
-    let rows: usize = leading.iter().product();
-    shapes.axes("input", &[rows, d], ["..", "D"])?;
+    let (rows, [d]) = shapes.last_axes("input", x.shape(), ["D"])?;
     let [o, _] = shapes.axes("weight", w.shape(), ["O", "D"])?;
     if let Some(bias) = bias {
         shapes.axes("bias", bias.shape(), ["O"])?;
@@ -251,6 +248,14 @@ fn before_dropout<F: Real>(
         elementwise::update(gradient, y, y, |g, y, _| g * activation.derivative(y / scale));
     }
     g
+}
+
+/// Refuses an activation that the kernels cannot apply.
+#[track_caller]
+pub(crate) fn check_activation<F: Real>(tape: &Tape<F>, op: &'static str, activation: Activation) {
+    if let Some(fault) = activation.fault() {
+        tape.refuse(op, fault, &[]);
+    }
 }
 
 /// The gradient before the activation, from that of the output, in place.
