@@ -230,6 +230,16 @@ mod tests {
     }
 
     #[test]
+    fn leading_axes_are_shown_as_they_are() {
+        let mut shapes = Shapes::of("linear");
+        assert_eq!(shapes.last_axes("input", &[2, 3, 4], ["D"]).unwrap(), (6, [4]));
+        let error = shapes.axes("weight", &[7, 5], ["O", "D"]).unwrap_err();
+        assert!(error.to_string().contains("input   [2, 3, 4]   (.., D)"), "{error}");
+        let error = shapes.last_axes("input", &[], ["D"]).unwrap_err();
+        assert!(error.to_string().contains("input has 0 axes instead of 1 or more"), "{error}");
+    }
+
+    #[test]
     fn a_wrong_rank_is_named() {
         let error = Shapes::of("softmax").axes("input", &[], ["N", "D"]).unwrap_err();
         assert!(error.to_string().contains("input has 0 axes instead of 2"), "{error}");

@@ -104,8 +104,8 @@ impl<F: Real> Tape<F> {
         Self { pool: self.pool.clone(), nested: true, ..Self::new(self.mode, 0) }
     }
 
-    /// A tape that records. `seed` decides all randomness on it (dropout); see
-    /// [`reseed`](Self::reseed).
+    /// A tape that records. `seed` decides all randomness on it (dropout) up to the next [`reset`](Self::reset), after which
+    /// the same is drawn again: a loop that trains [reseeds](Self::reseed) it in each step.
     pub fn train(seed: u64) -> Self {
         Self::new(Mode::Train, seed)
     }
@@ -412,6 +412,14 @@ mod tests {
         tape.reset();
         param.as_slice_mut()[0] = 5.0;
         assert_eq!(param.value.as_ptr(), address, "written in place after the reset");
+    }
+
+    #[test]
+    fn numbers_and_vectors_are_values() {
+        let tape = Tape::<f32>::eval();
+        let y = tape.constant(vec![1.0, 2.0]) * tape.constant(3.0);
+        assert_eq!((y.shape(), y.value().as_slice()), (vec![2], &[3.0, 6.0][..]));
+        assert_eq!(Tape::<f64>::eval().constant(3.0).item(), 3.0);
     }
 
     #[test]

@@ -3,7 +3,8 @@
 use crate::{Backward, Gradients, Real, Tape, Tensor, Var};
 
 impl<F: Real> Var<'_, F> {
-    /// Gradients of this scalar with respect to every leaf and trainable parameter it depends on.
+    /// Gradients of this scalar with respect to every leaf and trainable parameter it depends on; of a value that depends on
+    /// none ([`needs_grad`](Self::needs_grad)) there are none.
     ///
     /// # Shapes
     /// `self`: one element, `[]` or `[1]`. Each gradient has the shape of what it is the gradient of.

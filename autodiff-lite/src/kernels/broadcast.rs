@@ -402,7 +402,7 @@ mod tests {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
                 let operands = [&elements[..], &a, &b, &elements];
                 pool.install(|| {
-                    plan.accumulate(1, operands, found, |g, a, b, _| g + (a - b * 0.5))
+                    plan.accumulate(1, operands, found, |g, a, b, _| g + (a - b * 0.5));
                 });
             };
             run(1, &mut found);

@@ -2,7 +2,7 @@
 //! group norm), each followed by scale, shift and activation in the same pass.
 
 use crate::Real;
-use crate::kernels::activation::Activation;
+use crate::kernels::activation::{self, Activation};
 use crate::kernels::blocks::{SERIAL_ELEMENTS, for_each_part};
 use crate::kernels::columns::fold_rows;
 use crate::kernels::extent::elements;
@@ -63,15 +63,7 @@ fn apply_body<F: Real>(x: &[F], scale: &[F], shift: &[F], activation: Activation
         for (((y, &x), &scale), &shift) in y.iter_mut().zip(x).zip(scale).zip(shift) {
             *y = x * scale + shift;
         }
-        if activation == Activation::Relu {
-            for y in y {
-                *y = if *y < F::zero() { F::zero() } else { *y };
-            }
-        } else if activation != Activation::None {
-            for y in y {
-                *y = activation.apply(*y);
-            }
-        }
+        activation::apply(activation, y);
     }
 }
 
@@ -314,11 +306,7 @@ fn layer_body<F: Real>(
         for (((y, &x), &weight), &bias) in y.iter_mut().zip(x).zip(weight).zip(bias) {
             *y = (x - mean) * inverse * weight + bias;
         }
-        if activation != Activation::None {
-            for y in y {
-                *y = activation.apply(*y);
-            }
-        }
+        activation::apply(activation, y);
     }
 }
 

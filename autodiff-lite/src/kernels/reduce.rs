@@ -1,4 +1,4 @@
-//! Sums and maxima, over fixed chunks: the result does not depend on the number of threads.
+//! Sums, maxima and minima, over fixed chunks: the result does not depend on the number of threads.
 
 use crate::Real;
 use crate::kernels::blocks::for_each_part;
@@ -110,13 +110,27 @@ clones!(fn add_chunk[F: Real](x: &[F], sums: &mut [F]) = add_body);
 ///
 /// # Panics
 /// If a length does not fit, or `n` is 0.
-pub fn max_axis<F: Real>(
+pub fn max_axis<F: Real>(dims: [usize; 3], x: &[F], y: &mut [F], argument: &mut [u32]) {
+    extreme_axis(dims, x, y, argument, |x, y| x > y);
+}
+
+/// `y[o, i] = min_k x[o, k, i]`, and the first `k` that reaches it.
+///
+/// # Panics
+/// If a length does not fit, or `n` is 0.
+pub fn min_axis<F: Real>(dims: [usize; 3], x: &[F], y: &mut [F], argument: &mut [u32]) {
+    extreme_axis(dims, x, y, argument, |x, y| x < y);
+}
+
+/// The first element along the axis that is `before` all others, or is not a number.
+fn extreme_axis<F: Real>(
     [outer, n, inner]: [usize; 3],
     x: &[F],
     y: &mut [F],
     argument: &mut [u32],
+    before: impl Fn(F, F) -> bool,
 ) {
-    assert!(n > 0, "the maximum of nothing");
+    assert!(n > 0, "the extreme of nothing");
     assert_eq!(x.len(), elements(&[outer, n, inner]));
     assert_eq!(y.len(), elements(&[outer, inner]));
     assert_eq!(argument.len(), y.len());
@@ -128,7 +142,7 @@ pub fn max_axis<F: Real>(
         for k in 1..n {
             let row = &x[(o * n + k) * inner..][..inner];
             for ((y, best), &x) in y.iter_mut().zip(argument.iter_mut()).zip(row) {
-                if x > *y || x.is_nan() {
+                if before(x, *y) || x.is_nan() {
                     *y = x;
                     *best = k as u32;
                 }

@@ -173,11 +173,7 @@ impl<F: Real> WithSimd for Block<'_, F> {
                         *y = Activation::Relu.apply(*y);
                     }
                 }
-                Some(other) => {
-                    for y in y {
-                        *y = other.apply(*y);
-                    }
-                }
+                Some(other) => other.apply_all(y),
             }
         }
     }

@@ -211,6 +211,15 @@ mod tests {
 
     const SAME: Activation = Activation::None;
 
+    #[test]
+    #[should_panic(expected = "conv2d: a stride or a dilation of 0")]
+    fn windows_move() {
+        let tape = crate::Tape::<f32>::eval();
+        let x = tape.constant(ndarray::Array4::<f32>::zeros((1, 4, 4, 2)));
+        let w = tape.constant(ndarray::Array4::<f32>::zeros((3, 2, 1, 1)));
+        let _ = x.conv2d(w, None, ConvGeometry::new().stride(0), Activation::None);
+    }
+
     gradcheck!(one_pixel: |x, w| x.conv2d(w, None, ConvGeometry::new(), SAME),
         shapes [[[1, 1, 1, 1], [1, 1, 1, 1]], [[2, 3, 2, 3], [17, 3, 1, 1]]]);
     gradcheck!(with_bias: |x, w, b| x.conv2d(w, Some(b), ConvGeometry::new().padding(1), Activation::Tanh),

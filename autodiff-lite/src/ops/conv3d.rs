@@ -87,6 +87,10 @@ impl<F: Real> Var<'_, F> {
     ) -> Self {
         check_activation(self.tape, "conv3d", activation);
         let (x, w, b) = (self.value(), weight.value(), bias.map(Self::value));
+        if geometry.stride.contains(&0) || geometry.dilation.contains(&0) {
+            let operands = [("input", x.shape(), "N, D, H, W, C"), ("weight", w.shape(), "")];
+            self.tape.refuse("conv3d", "a stride or a dilation of 0", &operands);
+        }
         let sizes = self.tape.check("conv3d", |shapes| {
             let xs = shapes.axes("input", x.shape(), ["N", "D", "H", "W", "C"])?;
             let ws = shapes.axes("weight", w.shape(), ["O", "C", "KD", "KH", "KW"])?;
@@ -104,9 +108,7 @@ impl<F: Real> Var<'_, F> {
                 elementwise::add_to(b.as_slice(), voxel);
             }
         }
-        if activation != Activation::None {
-            y.as_slice_mut().iter_mut().for_each(|y| *y = activation.apply(*y));
-        }
+        activation.apply_all(y.as_slice_mut());
         let mut inputs = vec![self, weight];
         inputs.extend(bias);
         self.tape.record_fn("conv3d", &inputs, y, move |cx: &mut Backward<'_, F>| {

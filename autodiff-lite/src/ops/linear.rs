@@ -99,7 +99,8 @@ impl<'t, F: Real> Var<'t, F> {
     /// `2 rows D O` flops forward, twice that backward.
     ///
     /// # Panics
-    /// If sizes differ, or `x` has no axis.
+    /// If sizes differ, `x` has no axis, or the slope of a leaky ReLU is not within (0, 1], as in all operations that take an
+    /// activation.
     #[track_caller]
     #[inline(never)]
     pub fn linear(self, weight: Self, bias: Option<Self>, activation: Activation) -> Self {
@@ -197,20 +198,7 @@ impl<F: Real> Then<'_, F> {
                 *y += b;
             }
         }
-        match self.activation {
-            Activation::None => {}
-            // Named, so that the loop vectorises.
-            Activation::Relu => {
-                for y in &mut *part {
-                    *y = if *y < F::zero() { F::zero() } else { *y };
-                }
-            }
-            other => {
-                for y in &mut *part {
-                    *y = other.apply(*y);
-                }
-            }
-        }
+        self.activation.apply_all(part);
         if let Some(kept) = &self.kept {
             kept.apply(first, part);
         }

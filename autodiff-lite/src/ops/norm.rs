@@ -218,6 +218,14 @@ mod tests {
         Options::default().tolerance(1e-6)
     }
 
+    #[test]
+    #[should_panic(expected = "group_norm: input has 1 axes instead of 2 or more")]
+    fn groups_need_a_batch() {
+        let tape = crate::Tape::<f32>::eval();
+        let [x, w, b] = [(); 3].map(|()| tape.constant(vec![1.0, 2.0]));
+        let _ = x.group_norm(1, w, b, 1e-5, Activation::None);
+    }
+
     gradcheck!(layer: |x, w, b| x.layer_norm(w, b, 1e-3, SAME),
         shapes [[[3, 5], [5], [5]], [[2, 3, 17], [17], [17]], [[4, 1], [1], [1]]], options loose());
     gradcheck!(layer_then_tanh: |x, w, b| x.layer_norm(w, b, 1e-3, Activation::Tanh),

@@ -9,6 +9,7 @@
 //! let schedule = Schedule::cosine(10, 200);
 //! let mut tape = Tape::train(0);
 //! for step in 0..200 {
+//!     tape.reseed(step as u64); // for dropout, where there is one
 //!     let mut gradients = tape.param(&w).add_scalar(-3.0).square().sum().backward();
 //!     tape.reset(); // from here on the parameter is unique and is written in place
 //!     clip_grad_norm(&mut gradients, 10.0);
@@ -290,7 +291,7 @@ mod tests {
         let gradients = derivative_of_one(&pair);
         let mut sgd = Sgd::new(0.1).with(|m| m.momentum = 0.5);
         sgd.step(&mut pair.a, &gradients);
-        sgd.map_moments("", |moment| moment.to_vec());
+        sgd.map_moments("", <[f64]>::to_vec);
         sgd.step(&mut pair.b, &gradients);
         assert_eq!([pair.a.value[0], pair.b.value[0]], [0.9, 0.85]);
         sgd.reset_below("");
