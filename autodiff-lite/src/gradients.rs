@@ -14,7 +14,7 @@ pub struct Gradients<F: Real = f32> {
     entries: Vec<Entry<F>>,
     spare: Spare<F>,
     pool: Pool,
-    /// Of which step of the tape they are.
+    /// Of which step of which tape they are.
     pub(crate) epoch: u64,
 }
 
@@ -58,7 +58,11 @@ impl<F: Real> Gradients<F> {
     /// # Shapes
     /// That of the parameter.
     pub fn of(&self, param: &Param<F>) -> Option<&Tensor<F>> {
-        self.find(param.id()).map(|i| &self.entries[i].gradient)
+        self.of_id(param.id())
+    }
+
+    pub(crate) fn of_id(&self, param: ParamId) -> Option<&Tensor<F>> {
+        self.find(param).map(|i| &self.entries[i].gradient)
     }
 
     /// The gradient of a parameter as a slice.

@@ -24,7 +24,7 @@ fn compile<F: Real>() {
         Var: scale add_scalar exp ln sqrt square recip sin cos abs relu leaky_relu elu softplus sigmoid tanh gelu silu
             hardsigmoid clamp powf powi neg;
         Var: add sub mul div maximum minimum;
-        Var: reshape insert_axis permute slice_axis index_axis sum mean sum_axis mean_axis max_axis max;
+        Var: reshape insert_axis permute slice_axis index_axis sum mean sum_axis mean_axis max_axis max min_axis min;
         Var: backward;
         Tape: lincomb concat stack backward_from reset param gradients take_updates;
         Gradients: accumulate scale norm is_finite;

@@ -25,7 +25,8 @@
 //!
 //! let mut adam = Adam::new(0.05);
 //! let mut tape = Tape::train(0);
-//! for _ in 0..500 {
+//! for step in 0..500 {
+//!     tape.reseed(step); // else dropout, where there is one, would drop the same elements each time
 //!     let error = line.forward(tape.constant(x.clone())) - tape.constant(y.clone());
 //!     let gradients = error.square().mean().backward();
 //!     tape.reset(); // memory goes back to the tape's pool, parameters are unique again
@@ -62,9 +63,10 @@
 //! - Kernels know slices, never a tape; they hold the only `unsafe`.
 //! - The same seed gives the same bits whatever the number of threads: parallel loops run over
 //!   fixed chunks of the output, and sums over fixed chunks of the input.
-//! - AVX-512 and AVX2 give the same bits (measured, on products of matrices, convolutions, sparse products,
-//!   softmax and norms). Without fused multiply-add the first three round twice: on processors that have
-//!   neither, results differ in the last bits.
+//! - AVX-512 and AVX2 give the same bits (measured, on convolutions, sparse products, softmax and norms), but for products of
+//!   matrices: with AVX-512 large ones of `f32` are sums over slabs of at most 320 products, with AVX2 the gemm crate cuts
+//!   them. Without fused multiply-add these, convolutions and sparse products round twice: on processors that have neither,
+//!   results differ in the last bits.
 //! - The steady state of a training loop takes no fresh block of memory of 4 KiB or more, but for
 //!   the packing buffer that the gemm crate takes and gives back in those matrix products that are left to it.
 //! - Operations have a single output. Rules work on arrays, so there are no second derivatives.

@@ -1,5 +1,6 @@
 //! Parameters: the arrays that a module owns.
 
+use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::{Real, Tensor};
@@ -16,13 +17,40 @@ impl ParamId {
     }
 }
 
+/// What was changed of a module so far: a parameter that stands in it twice, by cloning, is changed once, and both go on sharing
+/// their memory.
+pub(crate) struct Shared<F: Real> {
+    /// Where the values of a parameter were before, and what they are now.
+    changed: BTreeMap<ParamId, (usize, Tensor<F>)>,
+}
+
+impl<F: Real> Shared<F> {
+    pub(crate) fn new() -> Self {
+        Self { changed: BTreeMap::new() }
+    }
+
+    /// Calls `change` with a parameter, or gives it what another that shared its values has become.
+    pub(crate) fn change(&mut self, param: &mut Param<F>, change: impl FnOnce(&mut Param<F>)) {
+        let place = param.value.as_ptr().addr();
+        match self.changed.get(&param.id) {
+            // A clone that went its own way since lies elsewhere.
+            Some((before, now)) if *before == place => param.value = now.clone(),
+            _ => {
+                change(param);
+                self.changed.insert(param.id, (place, param.value.clone()));
+            }
+        }
+    }
+}
+
 /// An array that a module owns and, if it is trainable, an optimiser changes.
 ///
 /// Buffers such as the running statistics of a batch norm are parameters that are not trainable:
 /// they are saved and loaded with the others, and no optimiser touches them.
 ///
 /// Cloning shares the memory and keeps the identity, so that an operation may hold a clone of the
-/// field it was called with.
+/// field it was called with, and a module may have one parameter in two places (`head = embed.clone()`):
+/// optimisers change it once and keep it shared, which takes a fresh copy in each step.
 #[derive(Clone, Debug)]
 pub struct Param<F: Real = f32> {
     id: ParamId,

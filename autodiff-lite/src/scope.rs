@@ -78,9 +78,10 @@ impl<F: Real> Tape<F> {
         op: &'static str,
         check: impl FnOnce(&mut Shapes) -> Result<R, ShapeError>,
     ) -> R {
-        match check(&mut Shapes::of(op).at(self.path())) {
+        // The path is copied for those that fail alone.
+        match check(&mut Shapes::of(op)) {
             Ok(found) => found,
-            Err(error) => error.panic(),
+            Err(error) => error.at(self.path()).panic(),
         }
     }
 

@@ -123,14 +123,45 @@ impl Shapes {
         shape: &[usize],
         letters: [&'static str; N],
     ) -> Result<[usize; N], ShapeError> {
-        self.operands.push(Operand {
-            name: name.to_owned(),
-            shape: shape.to_vec(),
-            letters: letters.join(", "),
-        });
+        self.note(name, shape, &letters, false);
         let Ok(sizes) = <[usize; N]>::try_from(shape) else {
             return Err(self.error(format!("{name} has {} axes instead of {N}", shape.len())));
         };
+        self.bind(name, letters, sizes)?;
+        Ok(sizes)
+    }
+
+    /// The product of the leading sizes of `shape`, and those of its last axes, which carry these letters.
+    ///
+    /// # Errors
+    /// As [`axes`](Self::axes), but for any number of leading axes.
+    pub(crate) fn last_axes<const N: usize>(
+        &mut self,
+        name: &str,
+        shape: &[usize],
+        letters: [&'static str; N],
+    ) -> Result<(usize, [usize; N]), ShapeError> {
+        self.note(name, shape, &letters, true);
+        let Some((leading, &sizes)) = shape.split_last_chunk::<N>() else {
+            let message = format!("{name} has {} axes instead of {N} or more", shape.len());
+            return Err(self.error(message));
+        };
+        self.bind(name, letters, sizes)?;
+        Ok((leading.iter().product(), sizes))
+    }
+
+    fn note(&mut self, name: &str, shape: &[usize], letters: &[&str], leading: bool) {
+        let letters = [if leading { ".., " } else { "" }, &letters.join(", ")].concat();
+        let (name, shape) = (name.to_owned(), shape.to_vec());
+        self.operands.push(Operand { name, shape, letters });
+    }
+
+    fn bind<const N: usize>(
+        &mut self,
+        name: &str,
+        letters: [&'static str; N],
+        sizes: [usize; N],
+    ) -> Result<(), ShapeError> {
         for (&letter, &size) in letters.iter().zip(&sizes).filter(|(l, _)| **l != "_") {
             match self.bound.iter().find(|(known, ..)| *known == letter) {
                 Some((_, other, place)) if *other != size => {
@@ -142,7 +173,7 @@ impl Shapes {
                 None => self.bound.push((letter, size, name.to_owned())),
             }
         }
-        Ok(sizes)
+        Ok(())
     }
 
     /// An error that lists all operands seen so far.
@@ -196,6 +227,16 @@ mod tests {
              \x20 weight  [128, 32, 3, 3]   (O, C, KH, KW)\n\
              \x20 at encoder.conv1"
         );
+    }
+
+    #[test]
+    fn leading_axes_are_shown_as_they_are() {
+        let mut shapes = Shapes::of("linear");
+        assert_eq!(shapes.last_axes("input", &[2, 3, 4], ["D"]).unwrap(), (6, [4]));
+        let error = shapes.axes("weight", &[7, 5], ["O", "D"]).unwrap_err();
+        assert!(error.to_string().contains("input   [2, 3, 4]   (.., D)"), "{error}");
+        let error = shapes.last_axes("input", &[], ["D"]).unwrap_err();
+        assert!(error.to_string().contains("input has 0 axes instead of 1 or more"), "{error}");
     }
 
     #[test]

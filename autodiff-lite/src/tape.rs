@@ -3,6 +3,7 @@
 use std::cell::{Cell, Ref, RefCell};
 use std::collections::HashMap;
 use std::fmt;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
 use rand::SeedableRng;
@@ -45,6 +46,7 @@ pub struct Tape<F: Real = f32> {
     draws: Cell<u64>,
     pub(crate) path: RefCell<String>,
     updates: RefCell<Vec<BufferUpdate<F>>>,
+    /// Numbers this step among those of all tapes.
     pub(crate) epoch: Cell<u64>,
     /// Emptied tapes that wait to be nested again.
     pub(crate) nests: Arc<Mutex<Vec<Self>>>,
@@ -70,6 +72,12 @@ impl<F: Real> fmt::Debug for Tape<F> {
     }
 }
 
+/// A number that no step of any tape had before. It only tells them apart; nothing is computed from it.
+fn next_epoch() -> u64 {
+    static NEXT: AtomicU64 = AtomicU64::new(0);
+    NEXT.fetch_add(1, Ordering::Relaxed)
+}
+
 impl<F: Real> Tape<F> {
     fn new(mode: Mode, seed: u64) -> Self {
         Self {
@@ -85,7 +93,7 @@ impl<F: Real> Tape<F> {
             draws: Cell::new(0),
             path: RefCell::default(),
             updates: RefCell::default(),
-            epoch: Cell::new(0),
+            epoch: Cell::new(next_epoch()),
             nests: Arc::default(),
             nested: false,
         }
@@ -96,8 +104,8 @@ impl<F: Real> Tape<F> {
         Self { pool: self.pool.clone(), nested: true, ..Self::new(self.mode, 0) }
     }
 
-    /// A tape that records. `seed` decides all randomness on it (dropout); see
-    /// [`reseed`](Self::reseed).
+    /// A tape that records. `seed` decides all randomness on it (dropout) up to the next [`reset`](Self::reset), after which
+    /// the same is drawn again: a loop that trains [reseeds](Self::reseed) it in each step.
     pub fn train(seed: u64) -> Self {
         Self::new(Mode::Train, seed)
     }
@@ -183,6 +191,9 @@ impl<F: Real> Tape<F> {
     ///
     /// # Shapes
     /// `inputs` of any shapes; the variable has that of `value`. The rule gives each input a gradient of its shape.
+    ///
+    /// # Panics
+    /// If an input is of another tape.
     #[track_caller]
     pub fn record(
         &self,
@@ -191,6 +202,7 @@ impl<F: Real> Tape<F> {
         op: impl Op<F>,
     ) -> Var<'_, F> {
         let name = op.name();
+        self.assert_own(name, inputs);
         let wanted = self.wants_grad(inputs);
         let op: Option<Box<dyn Op<F>>> = if wanted { Some(Box::new(op)) } else { None };
         self.push(name, value.into(), inputs, op, wanted, None)
@@ -201,6 +213,9 @@ impl<F: Real> Tape<F> {
     ///
     /// # Shapes
     /// As [`record`](Self::record).
+    ///
+    /// # Panics
+    /// If an input is of another tape.
     #[track_caller]
     pub fn record_fn(
         &self,
@@ -216,10 +231,21 @@ impl<F: Real> Tape<F> {
     ///
     /// # Shapes
     /// Any.
+    ///
+    /// # Panics
+    /// If one is of another tape.
+    #[track_caller]
     #[inline(never)]
     pub fn wants_grad(&self, inputs: &[Var<'_, F>]) -> bool {
+        self.assert_own("wants_grad", inputs);
         let nodes = self.nodes.borrow();
         inputs.iter().any(|input| nodes[input.id as usize].needs_grad)
+    }
+
+    #[track_caller]
+    fn assert_own(&self, name: &str, inputs: &[Var<'_, F>]) {
+        let own = inputs.iter().all(|input| std::ptr::eq(input.tape, self));
+        assert!(own, "`{name}` was given values of another tape");
     }
 
     #[track_caller]
@@ -233,9 +259,6 @@ impl<F: Real> Tape<F> {
         needs_grad: bool,
         param: Option<ParamId>,
     ) -> Var<'_, F> {
-        for input in inputs {
-            assert!(std::ptr::eq(input.tape, self), "`{name}` was given values of another tape");
-        }
         let mut nodes = self.nodes.borrow_mut();
         let mut edges = self.edges.borrow_mut();
         let first_edge = edges.len() as u32;
@@ -270,7 +293,7 @@ impl<F: Real> Tape<F> {
         self.params.get_mut().clear();
         self.updates.get_mut().clear();
         self.draws.set(0);
-        self.epoch.set(self.epoch.get() + 1);
+        self.epoch.set(next_epoch());
         if !self.nested {
             self.pool.tick();
         }
@@ -392,6 +415,14 @@ mod tests {
     }
 
     #[test]
+    fn numbers_and_vectors_are_values() {
+        let tape = Tape::<f32>::eval();
+        let y = tape.constant(vec![1.0, 2.0]) * tape.constant(3.0);
+        assert_eq!((y.shape(), y.value().as_slice()), (vec![2], &[3.0, 6.0][..]));
+        assert_eq!(Tape::<f64>::eval().constant(3.0).item(), 3.0);
+    }
+
+    #[test]
     fn values_are_made_row_major() {
         let tape = Tape::<f32>::eval();
         let x = arr2(&[[1.0, 2.0], [3.0, 4.0]]).reversed_axes();
@@ -410,6 +441,16 @@ mod tests {
         assert_eq!(first, again);
         tape.reseed(8);
         assert_ne!(first[0], tape.rng().random::<u64>());
+    }
+
+    /// Of a node that this tape does not have, too.
+    #[test]
+    #[should_panic(expected = "`add` was given values of another tape")]
+    fn values_of_two_tapes_do_not_meet() {
+        let (a, b) = (Tape::<f32>::train(0), Tape::<f32>::train(0));
+        let x = a.leaf(arr1(&[1.0]));
+        let y = b.leaf(arr1(&[1.0])).square().square();
+        let _ = x + y;
     }
 
     #[test]

@@ -154,6 +154,27 @@ impl<F: Copy, D: Dimension> From<ArcArray<F, D>> for Tensor<F> {
     }
 }
 
+/// A number is an array without axes.
+impl From<f32> for Tensor<f32> {
+    fn from(x: f32) -> Self {
+        ndarray::arr0(x).into()
+    }
+}
+
+/// A number is an array without axes.
+impl From<f64> for Tensor<f64> {
+    fn from(x: f64) -> Self {
+        ndarray::arr0(x).into()
+    }
+}
+
+/// One axis. Nothing is copied.
+impl<F: Copy> From<Vec<F>> for Tensor<F> {
+    fn from(numbers: Vec<F>) -> Self {
+        ndarray::Array1::from_vec(numbers).into()
+    }
+}
+
 /// As [`Tensor::into_owned`].
 impl<F: Copy> From<Tensor<F>> for ArrayD<F> {
     fn from(tensor: Tensor<F>) -> Self {

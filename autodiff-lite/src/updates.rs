@@ -1,5 +1,6 @@
 //! Running statistics: what a forward pass learns without a gradient.
 
+use crate::param::Shared;
 use crate::{Module, Param, ParamId, PoolVec, Real};
 
 /// A wish to move a buffer towards a new observation: `buffer ← (1 - momentum) buffer + momentum value`.
@@ -51,13 +52,19 @@ impl<F: Real> Updates<F> {
         if self.0.is_empty() {
             return;
         }
+        let mut shared = Shared::new();
         module.visit_mut("", &mut |_: &str, param: &mut Param<F>| {
             let id = param.id();
-            for update in self.0.iter().filter(|update| update.param == id) {
-                for (b, &v) in param.as_slice_mut().iter_mut().zip(update.value.iter()) {
-                    *b += update.momentum * (v - *b);
-                }
+            if !self.0.iter().any(|update| update.param == id) {
+                return;
             }
+            shared.change(param, |param| {
+                for update in self.0.iter().filter(|update| update.param == id) {
+                    for (b, &v) in param.as_slice_mut().iter_mut().zip(update.value.iter()) {
+                        *b += update.momentum * (v - *b);
+                    }
+                }
+            });
         });
     }
 

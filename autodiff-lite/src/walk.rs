@@ -3,7 +3,8 @@
 use crate::{Backward, Gradients, Real, Tape, Tensor, Var};
 
 impl<F: Real> Var<'_, F> {
-    /// Gradients of this scalar with respect to every leaf and trainable parameter it depends on.
+    /// Gradients of this scalar with respect to every leaf and trainable parameter it depends on; of a value that depends on
+    /// none ([`needs_grad`](Self::needs_grad)) there are none.
     ///
     /// # Shapes
     /// `self`: one element, `[]` or `[1]`. Each gradient has the shape of what it is the gradient of.
@@ -92,11 +93,14 @@ impl<F: Real> Gradients<F> {
     /// That of `var`.
     ///
     /// # Panics
-    /// If the tape was reset since.
+    /// If the tape was reset since, or the value is of another tape.
     #[track_caller]
     pub fn wrt(&self, var: Var<'_, F>) -> Option<&Tensor<F>> {
-        assert_eq!(var.tape.epoch.get(), self.epoch, "these gradients are of an earlier step");
-        self.of_node(var.id)
+        let epoch = var.tape.epoch.get();
+        assert_eq!(epoch, self.epoch, "these gradients are of an earlier step or of another tape");
+        let param = var.tape.node(var.id).param;
+        // By identity where there is one: gradients that came from elsewhere know no node.
+        param.map_or_else(|| self.of_node(var.id), |param| self.of_id(param))
     }
 }
 
@@ -106,6 +110,7 @@ mod tests {
     use ndarray::arr1;
 
     use super::*;
+    use crate::Param;
 
     #[test]
     fn a_product_with_the_jacobian() {
@@ -135,6 +140,24 @@ mod tests {
         tape.reset();
         let y = tape.leaf(arr1(&[4.0]));
         let _ = gradients.wrt(y);
+    }
+
+    #[test]
+    #[should_panic(expected = "these gradients are of an earlier step or of another tape")]
+    fn gradients_know_no_values_of_another_tape() {
+        let (a, b) = (Tape::<f64>::train(0), Tape::<f64>::train(0));
+        let gradients = a.leaf(arr1(&[3.0])).sum().backward();
+        let _ = gradients.wrt(b.leaf(arr1(&[4.0])));
+    }
+
+    #[test]
+    fn gradients_from_elsewhere_are_found_by_their_parameter() {
+        let (p, q) = (Param::<f64>::new(arr1(&[1.0])), Param::<f64>::new(arr1(&[2.0])));
+        let (a, b) = (Tape::train(0), Tape::train(0));
+        let (x, y) = (a.param(&p), a.param(&q));
+        let mut gradients = x.square().sum().backward();
+        gradients.accumulate(&b.param(&q).square().sum().backward());
+        assert_eq!([x, y].map(|x| gradients.wrt(x).unwrap()[0]), [2.0, 4.0]);
     }
 
     #[test]

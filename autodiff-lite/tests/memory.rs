@@ -121,6 +121,7 @@ fn the_steady_state_allocates_no_large_block() {
     elementwise_and_layout();
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     pool.install(|| {
+        assert_eq!(wide_norms(), (0, 0), "large blocks and bytes of norms, in 25 steps");
         let (taken, bytes) = network(false);
         assert_eq!(taken, 0, "large blocks of a convolutional network ({bytes} bytes in 25 steps)");
         // For each matrix product the gemm crate takes a packing buffer of its own (some 270 KB)
@@ -143,6 +144,23 @@ fn network(with_head: bool) -> (usize, usize) {
         tape.reset();
         updates.apply(&mut network);
         adam.step(&mut network, &gradients);
+    })
+}
+
+/// Channels of which a number each is more than a page.
+fn wide_norms() -> (usize, usize) {
+    const CHANNELS: usize = 2048;
+    let operands = [1.0, 0.0].map(|x| Param::new(Array1::<f32>::from_elem(CHANNELS, x)));
+    let x = Array2::from_shape_fn((40, CHANNELS), |(i, j)| ((i * 7 + j) as f32).sin());
+    let (mut tape, x) = (Tape::train(0), x.into_shared());
+    large_blocks(|_| {
+        let [w, b] = operands.each_ref().map(|p| tape.param(p));
+        let x = tape.leaf(x.clone());
+        let (y, statistics) = x.batch_norm(w, b, 1e-5, Activation::Relu);
+        let y = y.layer_norm(w, b, 1e-5, Activation::None);
+        let y = y.group_norm(4, w, b, 1e-5, Activation::Tanh);
+        drop((y.square().mean().backward(), statistics));
+        tape.reset();
     })
 }
 

@@ -7,6 +7,7 @@ use pulp::Simd;
 use crate::kernels::gemm::library::Crate;
 use crate::kernels::gemm::tile::Multiplied;
 use crate::kernels::tile::Tiled;
+use crate::kernels::transcendental::Transcendental;
 
 /// Lanes of the widest register.
 pub const MOST_LANES: usize = 16;
@@ -15,7 +16,7 @@ pub const MOST_LANES: usize = 16;
 ///
 /// Forwards to the methods that pulp names once per type, so that a kernel is written once. All
 /// of it inlines into the kernel.
-pub trait Lane: NdFloat + Default + Pod + Tiled + Multiplied + Crate {
+pub trait Lane: NdFloat + Default + Pod + Transcendental + Tiled + Multiplied + Crate {
     /// A register of numbers.
     type Vector<S: Simd>: Copy;
 

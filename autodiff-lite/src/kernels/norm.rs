@@ -2,11 +2,12 @@
 //! group norm), each followed by scale, shift and activation in the same pass.
 
 use crate::Real;
-use crate::kernels::activation::Activation;
+use crate::kernels::activation::{self, Activation};
 use crate::kernels::blocks::{SERIAL_ELEMENTS, for_each_part};
 use crate::kernels::columns::fold_rows;
 use crate::kernels::extent::elements;
 use crate::kernels::simd::clones;
+use crate::kernels::workspace;
 
 /// An array seen as `[sets, rows, channels]`, whose statistics are taken per set and group of
 /// neighbouring channels, over all rows.
@@ -62,15 +63,7 @@ fn apply_body<F: Real>(x: &[F], scale: &[F], shift: &[F], activation: Activation
         for (((y, &x), &scale), &shift) in y.iter_mut().zip(x).zip(scale).zip(shift) {
             *y = x * scale + shift;
         }
-        if activation == Activation::Relu {
-            for y in y {
-                *y = if *y < F::zero() { F::zero() } else { *y };
-            }
-        } else if activation != Activation::None {
-            for y in y {
-                *y = activation.apply(*y);
-            }
-        }
+        activation::apply(activation, y);
     }
 }
 
@@ -149,7 +142,8 @@ pub fn statistics<F: Real>(s: NormSizes, x: &[F], mean: &mut [F], variance: &mut
     let (c, width) = (s.channels, s.channels / s.groups);
     assert_eq!(x.len(), elements(&[s.sets, s.rows, c]));
     let of = |count: usize| F::from_f64(1.0 / count.max(1) as f64);
-    let (mut from, mut sums) = (vec![F::zero(); c], vec![F::zero(); 2 * c]);
+    let mut memory = workspace::lend(3 * c);
+    let (from, sums) = memory.split_at_mut(c);
     for set in 0..s.sets {
         let x = &x[set * s.rows * c..(set + 1) * s.rows * c];
         from.fill(F::zero());
@@ -159,8 +153,8 @@ pub fn statistics<F: Real>(s: NormSizes, x: &[F], mean: &mut [F], variance: &mut
             let row = &x[k * s.rows / sampled * c..][..c];
             from.iter_mut().zip(row).for_each(|(from, &x)| *from += x * share);
         }
-        fold_rows(s.rows, c, 1, &mut sums, |r, sums| {
-            add_spread(&x[r.start * c..r.end * c], &from, sums);
+        fold_rows(s.rows, c, 1, sums, |r, sums| {
+            add_spread(&x[r.start * c..r.end * c], from, sums);
         });
         let (plain, squares) = sums.split_at_mut(c);
         for i in 0..c {
@@ -194,7 +188,8 @@ pub fn normalize<F: Real>(
 ) {
     let (c, width) = (s.channels, s.channels / s.groups);
     assert_eq!([x.len(), y.len()], [elements(&[s.sets, s.rows, c]); 2]);
-    let (mut scale, mut shift) = (vec![F::zero(); c], vec![F::zero(); c]);
+    let mut memory = workspace::lend(2 * c);
+    let (scale, shift) = memory.split_at_mut(c);
     for set in 0..s.sets {
         for i in 0..c {
             let group = set * s.groups + i / width;
@@ -206,13 +201,22 @@ pub fn normalize<F: Real>(
         let (x, y) = (&x[range.clone()], &mut y[range]);
         let parallel = x.len() >= SERIAL_ELEMENTS;
         for_each_part(y, chunk, parallel, |i, y| {
-            apply_rows(&x[i * chunk..][..y.len()], &scale, &shift, activation, y);
+            apply_rows(&x[i * chunk..][..y.len()], scale, shift, activation, y);
         });
     }
 }
 
 type Moments<F> = fn(&[F], &[F], Line<'_, F>, &[F], &[F], &mut [F]);
 type Center<F> = fn(&[F], Line<'_, F>, &[F], &[F], &[F], &mut [F]);
+
+/// The first `N` parts of `len` numbers.
+fn parts<F, const N: usize>(mut rest: &mut [F], len: usize) -> [&mut [F]; N] {
+    std::array::from_fn(|_| {
+        let (part, behind) = std::mem::take(&mut rest).split_at_mut(len);
+        rest = behind;
+        part
+    })
+}
 
 /// Turns the gradient `g` of the normalised, scaled and shifted output into that of `x`, in place, and adds those of weight
 /// and bias. With `relu` `g` is that of what a ReLU made of this output.
@@ -231,10 +235,9 @@ pub fn normalize_grad<F: Real>(
     let (c, width) = (s.channels, s.channels / s.groups);
     assert_eq!([x.len(), g.len()], [elements(&[s.sets, s.rows, c]); 2]);
     let count = F::from_f64(1.0 / s.population().max(1) as f64);
-    let mut sums = vec![F::zero(); 2 * c];
-    let [mut mean, mut inverse] = [vec![F::zero(); c], vec![F::zero(); c]];
-    let [mut first, mut second, mut third] = [(); 3].map(|()| vec![F::zero(); c]);
-    let [mut scale, mut shift] = [(); 2].map(|()| vec![F::zero(); c]);
+    let mut memory = workspace::lend(9 * c);
+    let (sums, rest) = memory.split_at_mut(2 * c);
+    let [mean, inverse, first, second, third, scale, shift] = parts(rest, c);
     let (moments, center) = if relu {
         (add_moments_behind_relu as Moments<F>, center_rows_behind_relu as Center<F>)
     } else {
@@ -248,13 +251,13 @@ pub fn normalize_grad<F: Real>(
             scale[i] = inverse[i] * weight[i];
             shift[i] = bias[i] - mean[i] * scale[i];
         }
-        let line = Line { scale: &scale, shift: &shift };
+        let line = Line { scale: &*scale, shift: &*shift };
         let range = set * s.rows * c..(set + 1) * s.rows * c;
         let (x, g) = (&x[range.clone()], &mut g[range]);
         let shared = &*g;
-        fold_rows(s.rows, c, 2, &mut sums, |r, sums| {
+        fold_rows(s.rows, c, 2, sums, |r, sums| {
             let r = r.start * c..r.end * c;
-            moments(&x[r.clone()], &shared[r], line, &mean, &inverse, sums);
+            moments(&x[r.clone()], &shared[r], line, mean, inverse, sums);
         });
         for i in 0..c {
             grad_bias[i] += sums[i];
@@ -277,7 +280,7 @@ pub fn normalize_grad<F: Real>(
         let chunk = (16 * 1024 / c.max(1)).max(1) * c;
         let parallel = x.len() >= SERIAL_ELEMENTS;
         for_each_part(g, chunk, parallel, |i, g| {
-            center(&x[i * chunk..][..g.len()], line, &first, &second, &third, g);
+            center(&x[i * chunk..][..g.len()], line, first, second, third, g);
         });
     }
 }
@@ -303,11 +306,7 @@ fn layer_body<F: Real>(
         for (((y, &x), &weight), &bias) in y.iter_mut().zip(x).zip(weight).zip(bias) {
             *y = (x - mean) * inverse * weight + bias;
         }
-        if activation != Activation::None {
-            for y in y {
-                *y = activation.apply(*y);
-            }
-        }
+        activation::apply(activation, y);
     }
 }
 
@@ -400,7 +399,7 @@ pub fn layer_norm_grad<F: Real>(
     if c == 0 || x.is_empty() {
         return;
     }
-    let mut sums = vec![F::zero(); 2 * c];
+    let mut sums = workspace::lend(2 * c);
     let shared = &*g;
     fold_rows(x.len() / c, c, 2, &mut sums, |rows, sums| {
         let (plain, weighted) = sums.split_at_mut(c);

@@ -1,7 +1,8 @@
-//! Sums and maxima, over fixed chunks: the result does not depend on the number of threads.
+//! Sums, maxima and minima, over fixed chunks: the result does not depend on the number of threads.
 
 use crate::Real;
 use crate::kernels::blocks::for_each_part;
+use crate::kernels::columns::column_sums;
 use crate::kernels::elementwise::{CHUNK, PARALLEL_FROM};
 use crate::kernels::extent::elements;
 use crate::kernels::simd::clones;
@@ -11,6 +12,10 @@ const LANES: usize = 64;
 
 #[inline(always)]
 fn sum_body<F: Real>(x: &[F]) -> F {
+    if x.len() < LANES {
+        // The lanes would all stay zero.
+        return x.iter().fold(F::zero(), |sum, &x| sum + x);
+    }
     let (blocks, rest) = x.as_chunks::<LANES>();
     let mut lanes = [F::zero(); LANES];
     for block in blocks {
@@ -61,31 +66,71 @@ pub fn sum_axis<F: Real>([outer, n, inner]: [usize; 3], x: &[F], y: &mut [F]) {
         y.fill(F::zero());
         return;
     }
-    let block = |x: &[F], y: &mut [F]| {
-        if inner == 1 {
-            y[0] = sum(x);
-        } else {
-            y.copy_from_slice(&x[..inner]);
-            for row in x[inner..].chunks_exact(inner) {
-                super::elementwise::add_to(row, y);
-            }
-        }
-    };
     let (parallel, from) = (x.len() >= PARALLEL_FROM, n * inner);
-    for_each_part(y, inner, parallel, |o, y| block(&x[o * from..][..from], y));
+    for_each_part(y, inner, parallel, |o, y| {
+        let x = &x[o * from..][..from];
+        match inner {
+            1 => y[0] = sum(x),
+            2..=WIDE => column_sums(x, y),
+            _ => wide_sums(x, y, parallel),
+        }
+    });
 }
+
+/// Columns from which a sum over rows is cut into strips of columns, not into chunks of rows, whose sums would be as many
+/// as what is summed.
+const WIDE: usize = 512;
+
+/// Sums over rows of more than [`WIDE`] numbers, strip by strip.
+fn wide_sums<F: Real>(x: &[F], y: &mut [F], parallel: bool) {
+    let inner = y.len();
+    for_each_part(y, WIDE, parallel, |strip, y| {
+        let mut sums = [F::zero(); WIDE];
+        let sums = &mut sums[..y.len()];
+        y.fill(F::zero());
+        // Sums of so many rows, then the sum of those: it keeps more digits than one running sum.
+        for rows in x.chunks(64 * inner) {
+            sums.fill(F::zero());
+            for row in rows.chunks_exact(inner) {
+                add_chunk(&row[strip * WIDE..][..sums.len()], sums);
+            }
+            add_chunk(sums, y);
+        }
+    });
+}
+
+#[inline(always)]
+fn add_body<F: Real>(x: &[F], sums: &mut [F]) {
+    sums.iter_mut().zip(x).for_each(|(sum, &x)| *sum += x);
+}
+
+clones!(fn add_chunk[F: Real](x: &[F], sums: &mut [F]) = add_body);
 
 /// `y[o, i] = max_k x[o, k, i]`, and the first `k` that reaches it.
 ///
 /// # Panics
 /// If a length does not fit, or `n` is 0.
-pub fn max_axis<F: Real>(
+pub fn max_axis<F: Real>(dims: [usize; 3], x: &[F], y: &mut [F], argument: &mut [u32]) {
+    extreme_axis(dims, x, y, argument, |x, y| x > y);
+}
+
+/// `y[o, i] = min_k x[o, k, i]`, and the first `k` that reaches it.
+///
+/// # Panics
+/// If a length does not fit, or `n` is 0.
+pub fn min_axis<F: Real>(dims: [usize; 3], x: &[F], y: &mut [F], argument: &mut [u32]) {
+    extreme_axis(dims, x, y, argument, |x, y| x < y);
+}
+
+/// The first element along the axis that is `before` all others, or is not a number.
+fn extreme_axis<F: Real>(
     [outer, n, inner]: [usize; 3],
     x: &[F],
     y: &mut [F],
     argument: &mut [u32],
+    before: impl Fn(F, F) -> bool,
 ) {
-    assert!(n > 0, "the maximum of nothing");
+    assert!(n > 0, "the extreme of nothing");
     assert_eq!(x.len(), elements(&[outer, n, inner]));
     assert_eq!(y.len(), elements(&[outer, inner]));
     assert_eq!(argument.len(), y.len());
@@ -97,7 +142,7 @@ pub fn max_axis<F: Real>(
         for k in 1..n {
             let row = &x[(o * n + k) * inner..][..inner];
             for ((y, best), &x) in y.iter_mut().zip(argument.iter_mut()).zip(row) {
-                if x > *y || x.is_nan() {
+                if before(x, *y) || x.is_nan() {
                     *y = x;
                     *best = k as u32;
                 }
@@ -110,6 +155,36 @@ pub fn max_axis<F: Real>(
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
     use super::*;
+
+    /// Along any axis, of the same number over and over, where a running sum is off by a hundredth.
+    #[test]
+    fn sums_along_an_axis_keep_their_digits() {
+        for [outer, n, inner] in
+            [[1, 1_000_000, 2], [2, 300_000, 1], [1, 100_000, 40], [3, 5_000, 700], [1, 300, 9_000]]
+        {
+            let mut y = vec![0.0_f32; outer * inner];
+            sum_axis([outer, n, inner], &vec![0.1_f32; outer * n * inner], &mut y);
+            let exact = n as f64 * f64::from(0.1_f32);
+            for y in y {
+                let error = (f64::from(y) / exact - 1.0).abs();
+                assert!(error < 1e-5, "{outer} x {n} x {inner}: {y}");
+            }
+        }
+    }
+
+    #[test]
+    fn sums_along_an_axis_do_not_depend_on_threads() {
+        for dims in [[1, 200_000, 3], [4, 300, 600], [70_000, 3, 1]] {
+            let x: Vec<f32> = (0..dims.iter().product()).map(|k: usize| (k as f32).sin()).collect();
+            let [one, three] = [1, 3].map(|n| {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap();
+                let mut y = vec![0.0; dims[0] * dims[2]];
+                pool.install(|| sum_axis(dims, &x, &mut y));
+                y
+            });
+            assert_eq!(one, three);
+        }
+    }
 
     #[test]
     fn sums_are_accurate_and_do_not_depend_on_threads() {

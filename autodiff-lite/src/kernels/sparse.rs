@@ -160,7 +160,8 @@ impl<F: Real> WithSimd for Block<'_, F> {
             for (column, y) in y.iter_mut().enumerate().skip(at) {
                 let mut sum = if adds { *y } else { F::zero() };
                 for (&j, &value) in indices.iter().zip(values) {
-                    sum += value * self.x[j as usize * self.width + column];
+                    // Fused, as in vectors of any width: which numbers are left over depends on it.
+                    sum = value.mul_add(self.x[j as usize * self.width + column], sum);
                 }
                 *y = sum;
             }
@@ -172,11 +173,7 @@ impl<F: Real> WithSimd for Block<'_, F> {
                         *y = Activation::Relu.apply(*y);
                     }
                 }
-                Some(other) => {
-                    for y in y {
-                        *y = other.apply(*y);
-                    }
-                }
+                Some(other) => other.apply_all(y),
             }
         }
     }

@@ -1,12 +1,19 @@
 //! Threads: rayon's with the feature `rayon`, else the caller's alone. The one place that knows rayon, for the crates above too.
 
+/// Jobs that each thread of a pool has, where there is enough to do.
+#[cfg(feature = "rayon")]
+const JOBS: usize = 64;
+
 /// Calls `f` for each number below `count`, on as many threads as the current pool has. It knows its work by a pointer: with a type of
 /// its own for each kernel, half of what a program of ours was compiled to were copies of it.
 pub(crate) fn on_threads(count: usize, f: &(dyn Fn(usize) + Sync)) {
     #[cfg(feature = "rayon")]
     {
         use rayon::prelude::*;
-        (0..count).into_par_iter().with_max_len(1).for_each(f);
+        // Many are small: a job takes several then, since it costs as much as a thousand additions. Few are jobs of their own, so
+        // that no thread waits for another that took two.
+        let most = (count / (JOBS * rayon::current_num_threads())).max(1);
+        (0..count).into_par_iter().with_max_len(most).for_each(f);
     }
     #[cfg(not(feature = "rayon"))]
     (0..count).for_each(f);

@@ -12,6 +12,8 @@ pub struct AdamStep<F> {
     pub beta1: F,
     /// Decay of the second moment.
     pub beta2: F,
+    /// `1 - beta1` and `1 - beta2`, rounded once: the difference of rounded numbers has lost digits.
+    pub rests: [F; 2],
     /// `lr / (1 - beta1ᵗ)`.
     pub step: F,
     /// `sqrt(1 - beta2ᵗ)`.
@@ -26,11 +28,11 @@ pub struct AdamStep<F> {
 
 #[inline(always)]
 fn adam_body<F: Real>(h: &AdamStep<F>, w: &mut [F], g: &[F], m: &mut [F], v: &mut [F]) {
-    let one = F::one();
+    let [rest1, rest2] = h.rests;
     for (((w, &g), m), v) in w.iter_mut().zip(g).zip(m).zip(v) {
         let g = g + h.coupled_decay * *w;
-        *m = h.beta1 * *m + (one - h.beta1) * g;
-        *v = h.beta2 * *v + (one - h.beta2) * g * g;
+        *m = h.beta1 * *m + rest1 * g;
+        *v = h.beta2 * *v + rest2 * g * g;
         *w = h.shrink * *w - h.step * *m / (v.sqrt() / h.correction + h.epsilon);
     }
 }
@@ -96,6 +98,8 @@ pub struct RmsPropStep<F> {
     pub lr: F,
     /// Decay of the mean of squares, and of the mean.
     pub alpha: F,
+    /// `1 - alpha`, rounded once.
+    pub rest: F,
     /// Added to the root.
     pub epsilon: F,
     /// Added to the gradient, times the weight.
@@ -115,7 +119,7 @@ fn rmsprop_body<F: Real>(
     m: &mut [F],
     a: &mut [F],
 ) {
-    let rest = F::one() - h.alpha;
+    let rest = h.rest;
     for ((((w, &g), v), m), a) in w.iter_mut().zip(g).zip(v).zip(m).zip(a) {
         let g = g + h.decay * *w;
         *v = h.alpha * *v + rest * g * g;

@@ -4,7 +4,7 @@ use crate::kernels::activation::Activation;
 use crate::kernels::conv::{Conv, ConvGeometry, ConvSizes};
 use crate::{Backward, Real, Tensor, Var};
 
-use super::linear::{before_activation, give_bias};
+use super::linear::{before_activation, check_activation, give_bias};
 
 impl<F: Real> Var<'_, F> {
     /// Convolution:
@@ -104,7 +104,12 @@ impl<F: Real> Var<'_, F> {
         geometry: ConvGeometry,
         activation: Activation,
     ) -> Self {
+        check_activation(self.tape, name, activation);
         let (x, w, b) = (self.value(), weight.value(), bias.map(Self::value));
+        if geometry.stride.contains(&0) || geometry.dilation.contains(&0) {
+            let operands = [("input", x.shape(), "N, H, W, C"), ("weight", w.shape(), "")];
+            self.tape.refuse(name, "a stride or a dilation of 0", &operands);
+        }
         let sizes = self.tape.check(name, |shapes| {
             let xs = shapes.axes("input", x.shape(), ["N", "H", "W", "C"])?;
             let ws = shapes.axes("weight", w.shape(), axes)?;
@@ -205,6 +210,15 @@ mod tests {
     use proptest::prelude::*;
 
     const SAME: Activation = Activation::None;
+
+    #[test]
+    #[should_panic(expected = "conv2d: a stride or a dilation of 0")]
+    fn windows_move() {
+        let tape = crate::Tape::<f32>::eval();
+        let x = tape.constant(ndarray::Array4::<f32>::zeros((1, 4, 4, 2)));
+        let w = tape.constant(ndarray::Array4::<f32>::zeros((3, 2, 1, 1)));
+        let _ = x.conv2d(w, None, ConvGeometry::new().stride(0), Activation::None);
+    }
 
     gradcheck!(one_pixel: |x, w| x.conv2d(w, None, ConvGeometry::new(), SAME),
         shapes [[[1, 1, 1, 1], [1, 1, 1, 1]], [[2, 3, 2, 3], [17, 3, 1, 1]]]);

@@ -7,7 +7,7 @@ use crate::kernels::conv::{Conv, ConvAlgorithm, ConvGeometry, ConvSizes};
 use crate::kernels::elementwise;
 use crate::{Backward, Pool, Real, Tensor, Var};
 
-use super::linear::{before_activation, give_bias};
+use super::linear::{before_activation, check_activation, give_bias};
 
 /// Stride, padding and dilation of a convolution over three axes, each as (slices, rows, columns).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -85,7 +85,12 @@ impl<F: Real> Var<'_, F> {
         geometry: Conv3dGeometry,
         activation: Activation,
     ) -> Self {
+        check_activation(self.tape, "conv3d", activation);
         let (x, w, b) = (self.value(), weight.value(), bias.map(Self::value));
+        if geometry.stride.contains(&0) || geometry.dilation.contains(&0) {
+            let operands = [("input", x.shape(), "N, D, H, W, C"), ("weight", w.shape(), "")];
+            self.tape.refuse("conv3d", "a stride or a dilation of 0", &operands);
+        }
         let sizes = self.tape.check("conv3d", |shapes| {
             let xs = shapes.axes("input", x.shape(), ["N", "D", "H", "W", "C"])?;
             let ws = shapes.axes("weight", w.shape(), ["O", "C", "KD", "KH", "KW"])?;
@@ -103,9 +108,7 @@ impl<F: Real> Var<'_, F> {
                 elementwise::add_to(b.as_slice(), voxel);
             }
         }
-        if activation != Activation::None {
-            y.as_slice_mut().iter_mut().for_each(|y| *y = activation.apply(*y));
-        }
+        activation.apply_all(y.as_slice_mut());
         let mut inputs = vec![self, weight];
         inputs.extend(bias);
         self.tape.record_fn("conv3d", &inputs, y, move |cx: &mut Backward<'_, F>| {

@@ -8,7 +8,7 @@ impl<F: Real> Var<'_, F> {
     /// the mean stays. On an eval tape nothing happens. `p` is rounded to a multiple of 2⁻¹⁶.
     ///
     /// What is dropped follows from the tape's seed and from how many random operations came
-    /// before; see [`Tape::reseed`](crate::Tape::reseed).
+    /// before in the same step: without [`Tape::reseed`](crate::Tape::reseed) every step drops the same elements.
     ///
     /// # Shapes
     /// Any → the same.

@@ -77,7 +77,7 @@ unary! {
     leaky_relu(slope): |x| if x > F::zero() { x } else { slope * x },
         |x, _| if x > F::zero() { F::one() } else { slope };
     /// `x` where positive, else `eˣ - 1`.
-    elu(): |x| if x > F::zero() { x } else { x.fast_exp() - F::one() },
+    elu(): |x| if x > F::zero() { x } else { x.fast_exp_m1() },
         |x, y| if x > F::zero() { F::one() } else { y + F::one() };
     /// `ln(1 + eˣ)`, without overflow.
     softplus(): |x| x.max(F::zero()) + (-x.abs()).fast_exp().ln_1p(), |x, _| x.fast_sigmoid();
@@ -304,6 +304,7 @@ mod tests {
             x.minimum(one),
             one.minimum(x),
             both.max_axis(0),
+            both.min_axis(0),
         ] {
             assert!(y.value().iter().all(|y| y.is_nan()), "{y:?}");
         }

@@ -7,7 +7,7 @@ use crate::kernels::product::gemm_joined;
 use crate::kernels::sparse::{csr_add_rows, csr_times_rows};
 use crate::{Backward, Op, PoolVec, Real, ShapeError, Shapes, SparseMatrix, Tensor, Var};
 
-use super::linear::{before_activation, give_bias};
+use super::linear::{before_activation, check_activation, give_bias};
 
 /// The parameters of a [graph convolution](Var::graph_conv).
 #[derive(Clone, Copy, Debug)]
@@ -89,6 +89,7 @@ impl<'t, F: Real> Var<'t, F> {
         activation: Activation,
     ) -> Self {
         let tape = self.tape;
+        check_activation(tape, "graph_conv", activation);
         let (x, own, across) = (self.value(), weights.own.value(), weights.across.value());
         let [bias, sent] = [weights.bias, weights.across_bias].map(|b| b.map(Var::value));
         let sizes = tape.check("graph_conv", |shapes| {
@@ -157,12 +158,8 @@ impl Sizes {
         [bias, sent]: [Option<&[usize]>; 2],
         output_first: bool,
     ) -> Result<Self, ShapeError> {
-        let [leading @ .., v, d] = x else {
-            return Err(shapes.error("at least two axes expected"));
-        };
-        let batch = leading.iter().product();
         shapes.axes("graph", &[graph.rows(), graph.columns()], ["V", "V"])?;
-        shapes.axes("input", &[batch, *v, *d], ["..", "V", "D"])?;
+        let (batch, [v, d]) = shapes.last_axes("input", x, ["V", "D"])?;
         let letters = if output_first { ["O", "D"] } else { ["D", "O"] };
         let sides = shapes.axes("own", own, letters)?;
         shapes.axes("across", across, letters)?;
@@ -172,7 +169,7 @@ impl Sizes {
             }
         }
         let o = sides[usize::from(!output_first)];
-        Ok(Self { batch, v: *v, d: *d, o, output_first })
+        Ok(Self { batch, v, d, o, output_first })
     }
 
     fn rows(self) -> usize {

@@ -125,8 +125,12 @@ impl<F: Real> Var<'_, F> {
     #[track_caller]
     #[inline(never)]
     pub fn index_axis(self, axis: usize, index: usize) -> Self {
+        let mut shape = self.shape();
+        if shape.get(axis).is_none_or(|&size| index >= size) {
+            let message = format!("there is no element {index} along axis {axis}");
+            self.tape.refuse("index_axis", message, &[("input", &shape, "")]);
+        }
         let part = self.slice_axis(axis, index..index + 1);
-        let mut shape = part.shape();
         shape.remove(axis);
         part.reshape(&shape)
     }
@@ -205,6 +209,14 @@ impl<F: Real> Tape<F> {
     #[track_caller]
     #[inline(never)]
     pub fn stack<'t>(&'t self, parts: &[Var<'t, F>], axis: usize) -> Var<'t, F> {
+        let shapes: Vec<_> = parts.iter().map(|part| part.shape()).collect();
+        let Some(first) = shapes.first() else {
+            self.refuse("stack", "at least one value expected", &[])
+        };
+        if let Some(other) = shapes.iter().find(|shape| *shape != first) {
+            let operands = [("first", &first[..], ""), ("other", &other[..], "")];
+            self.refuse("stack", "all values need one shape", &operands);
+        }
         let parts: Vec<_> = parts.iter().map(|part| part.insert_axis(axis)).collect();
         self.concat(&parts, axis)
     }
@@ -227,6 +239,18 @@ mod tests {
     gradcheck!(concat: |a, b| a.tape().concat(&[a, b, a], 1), shapes [[[3, 5], [3, 2]], [[2, 3, 4], [2, 0, 4]]]);
     gradcheck!(stack: |a, b| a.tape().stack(&[a, b], 1), shapes [[[3, 5], [3, 5]], [[2], [2]]]);
     gradcheck!(stack_scalars: |a, b| a.tape().stack(&[a, b, a], 0), shapes [[[], []]]);
+
+    #[test]
+    #[should_panic(expected = "stack: at least one value expected")]
+    fn a_stack_of_nothing() {
+        let _ = Tape::<f32>::eval().stack(&[], 0);
+    }
+
+    #[test]
+    #[should_panic(expected = "index_axis: there is no element 2 along axis 1")]
+    fn an_element_that_is_not_there() {
+        let _ = Tape::<f32>::eval().constant(arr2(&[[1.0, 2.0]])).index_axis(1, 2);
+    }
 
     proptest! {
         #[test]

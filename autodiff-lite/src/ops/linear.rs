@@ -6,7 +6,7 @@ use crate::kernels::dropout::Kept;
 use crate::kernels::elementwise;
 use crate::kernels::gemm::Matrix;
 use crate::kernels::product::{gemm, gemm_then};
-use crate::{Backward, Op, PoolVec, Real, ShapeError, Shapes, Tensor, Var};
+use crate::{Backward, Op, PoolVec, Real, ShapeError, Shapes, Tape, Tensor, Var};
 
 use super::dropout::{keep_mask, keep_scale};
 
@@ -99,7 +99,8 @@ impl<'t, F: Real> Var<'t, F> {
     /// `2 rows D O` flops forward, twice that backward.
     ///
     /// # Panics
-    /// If sizes differ, or `x` has no axis.
+    /// If sizes differ, `x` has no axis, or the slope of a leaky ReLU is not within (0, 1], as in all operations that take an
+    /// activation.
     #[track_caller]
     #[inline(never)]
     pub fn linear(self, weight: Self, bias: Option<Self>, activation: Activation) -> Self {
@@ -120,6 +121,7 @@ impl<'t, F: Real> Var<'t, F> {
     #[inline(never)]
     pub fn linear_then(self, weight: Self, bias: Option<Self>, then: LinearThen<'t, F>) -> Self {
         let LinearThen { activation, dropout, residual } = then;
+        check_activation(self.tape, "linear", activation);
         if let (Some(residual), true) = (residual, activation != Activation::None) {
             let then = LinearThen { activation, dropout, residual: None };
             return residual + self.linear_then(weight, bias, then);
@@ -166,11 +168,7 @@ fn sizes<F: Real>(
     [x, w]: [&Tensor<F>; 2],
     [bias, residual]: [&Option<Tensor<F>>; 2],
 ) -> Result<[usize; 3], ShapeError> {
-    let Some((&d, leading)) = x.shape().split_last() else {
-        return Err(shapes.error("the input has no axis"));
-    };
-    let rows: usize = leading.iter().product();
-    shapes.axes("input", &[rows, d], ["..", "D"])?;
+    let (rows, [d]) = shapes.last_axes("input", x.shape(), ["D"])?;
     let [o, _] = shapes.axes("weight", w.shape(), ["O", "D"])?;
     if let Some(bias) = bias {
         shapes.axes("bias", bias.shape(), ["O"])?;
@@ -200,20 +198,7 @@ impl<F: Real> Then<'_, F> {
                 *y += b;
             }
         }
-        match self.activation {
-            Activation::None => {}
-            // Named, so that the loop vectorises.
-            Activation::Relu => {
-                for y in &mut *part {
-                    *y = if *y < F::zero() { F::zero() } else { *y };
-                }
-            }
-            other => {
-                for y in &mut *part {
-                    *y = other.apply(*y);
-                }
-            }
-        }
+        self.activation.apply_all(part);
         if let Some(kept) = &self.kept {
             kept.apply(first, part);
         }
@@ -251,6 +236,14 @@ fn before_dropout<F: Real>(
         elementwise::update(gradient, y, y, |g, y, _| g * activation.derivative(y / scale));
     }
     g
+}
+
+/// Refuses an activation that the kernels cannot apply.
+#[track_caller]
+pub(crate) fn check_activation<F: Real>(tape: &Tape<F>, op: &'static str, activation: Activation) {
+    if let Some(fault) = activation.fault() {
+        tape.refuse(op, fault, &[]);
+    }
 }
 
 /// The gradient before the activation, from that of the output, in place.

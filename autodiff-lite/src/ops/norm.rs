@@ -4,7 +4,7 @@ use crate::kernels::activation::Activation;
 use crate::kernels::norm::{self, NormSizes, Statistics};
 use crate::{Backward, PoolVec, Real, Tensor, Var};
 
-use super::linear::before_activation;
+use super::linear::{before_activation, check_activation};
 
 /// What a batch norm measured, for running averages
 /// ([`BufferUpdate`](crate::BufferUpdate)).
@@ -40,6 +40,7 @@ impl<F: Real> Var<'_, F> {
         epsilon: f64,
         activation: Activation,
     ) -> Self {
+        check_activation(self.tape, "layer_norm", activation);
         let x = self.value();
         let (w, b) = self.norm_operands("layer_norm", weight, bias);
         let rows = x.len().checked_div(w.len()).unwrap_or(0);
@@ -86,9 +87,14 @@ impl<F: Real> Var<'_, F> {
         let (w, _) = self.norm_operands("group_norm", weight, bias);
         let shape = self.shape();
         let channels = w.len();
-        if groups == 0 || !channels.is_multiple_of(groups) || shape.len() < 2 {
-            let message = format!("{groups} groups do not divide the channels");
-            self.tape.refuse("group_norm", message, &[("input", &shape, "N, .., C")]);
+        let refuse = |message: String| {
+            self.tape.refuse("group_norm", message, &[("input", &shape, "N, .., C")])
+        };
+        if shape.len() < 2 {
+            refuse(format!("input has {} axes instead of 2 or more", shape.len()));
+        }
+        if groups == 0 || !channels.is_multiple_of(groups) {
+            refuse(format!("{groups} groups do not divide the channels"));
         }
         let rows = shape[1..shape.len() - 1].iter().product();
         let sizes = NormSizes { sets: shape[0], rows, channels, groups };
@@ -132,10 +138,7 @@ impl<F: Real> Var<'_, F> {
     fn norm_operands(self, op: &'static str, weight: Self, bias: Self) -> (Tensor<F>, Tensor<F>) {
         let (x, w, b) = (self.value(), weight.value(), bias.value());
         self.tape.check(op, |shapes| {
-            let Some((&c, leading)) = x.shape().split_last() else {
-                return Err(shapes.error("the input has no axis"));
-            };
-            shapes.axes("input", &[leading.iter().product(), c], ["..", "C"])?;
+            shapes.last_axes("input", x.shape(), ["C"])?;
             shapes.axes("weight", w.shape(), ["C"])?;
             shapes.axes("bias", b.shape(), ["C"])?;
             Ok(())
@@ -153,6 +156,7 @@ impl<F: Real> Var<'_, F> {
         epsilon: f64,
         activation: Activation,
     ) -> (Self, PoolVec<F>, PoolVec<F>) {
+        check_activation(self.tape, name, activation);
         let (x, w, b) = (self.value(), weight.value(), bias.value());
         let xs = x.as_slice();
         let count = sizes.sets * sizes.groups;
@@ -212,6 +216,14 @@ mod tests {
 
     fn loose() -> Options {
         Options::default().tolerance(1e-6)
+    }
+
+    #[test]
+    #[should_panic(expected = "group_norm: input has 1 axes instead of 2 or more")]
+    fn groups_need_a_batch() {
+        let tape = crate::Tape::<f32>::eval();
+        let [x, w, b] = [(); 3].map(|()| tape.constant(vec![1.0, 2.0]));
+        let _ = x.group_norm(1, w, b, 1e-5, Activation::None);
     }
 
     gradcheck!(layer: |x, w, b| x.layer_norm(w, b, 1e-3, SAME),

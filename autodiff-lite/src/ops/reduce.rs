@@ -1,7 +1,10 @@
-//! Sums, means and maxima, over everything or along one axis.
+//! Sums, means, maxima and minima, over everything or along one axis.
 
 use crate::kernels::{elementwise, reduce};
 use crate::{Backward, Real, Var};
+
+/// Sizes before, along and after an axis; the values; the extremes and where they stand.
+type FindExtreme<F> = fn([usize; 3], &[F], &mut [F], &mut [u32]);
 
 impl<F: Real> Var<'_, F> {
     /// The sum of all elements.
@@ -103,12 +106,30 @@ impl<F: Real> Var<'_, F> {
     #[track_caller]
     #[inline(never)]
     pub fn max_axis(self, axis: usize) -> Self {
-        let (shape, dims) = self.split_at_axis("max_axis", axis, true);
+        self.extreme("max_axis", axis, reduce::max_axis)
+    }
+
+    /// The smallest element along `axis`, which disappears. The gradient goes to the first of equal ones.
+    ///
+    /// # Shapes
+    /// `[.., n, ..]` → `[.., ..]`.
+    ///
+    /// # Panics
+    /// If the axis is empty or there is no such axis.
+    #[track_caller]
+    #[inline(never)]
+    pub fn min_axis(self, axis: usize) -> Self {
+        self.extreme("min_axis", axis, reduce::min_axis)
+    }
+
+    #[track_caller]
+    fn extreme(self, name: &'static str, axis: usize, find: FindExtreme<F>) -> Self {
+        let (shape, dims) = self.split_at_axis(name, axis, true);
         let x = self.value();
         let mut y = self.tape.array(&shape);
         let mut argument = self.tape.indices(y.len());
-        reduce::max_axis(dims, x.as_slice(), y.as_slice_mut(), &mut argument);
-        self.tape.record_fn("max_axis", &[self], y, move |cx: &mut Backward<'_, F>| {
+        find(dims, x.as_slice(), y.as_slice_mut(), &mut argument);
+        self.tape.record_fn(name, &[self], y, move |cx: &mut Backward<'_, F>| {
             let [_, n, inner] = dims;
             let g = cx.grad_out();
             let target = cx.grad_slice_mut(0);
@@ -128,7 +149,31 @@ impl<F: Real> Var<'_, F> {
     #[track_caller]
     #[inline(never)]
     pub fn max(self) -> Self {
-        self.reshape(&[self.len()]).max_axis(0)
+        self.flat("max").max_axis(0)
+    }
+
+    /// The smallest of all elements; the gradient goes to the first of equal ones.
+    ///
+    /// # Shapes
+    /// Any but empty → `[]`.
+    ///
+    /// # Panics
+    /// If there is none.
+    #[track_caller]
+    #[inline(never)]
+    pub fn min(self) -> Self {
+        self.flat("min").min_axis(0)
+    }
+
+    /// All elements along one axis, for an operation that needs one at least.
+    #[track_caller]
+    fn flat(self, op: &'static str) -> Self {
+        let count = self.len();
+        if count == 0 {
+            let message = format!("the {op}imum of nothing");
+            self.tape.refuse(op, message, &[("input", &self.shape(), "")]);
+        }
+        self.reshape(&[count])
     }
 
     /// The shape without `axis`, and the sizes before, along and after it.
@@ -187,6 +232,8 @@ mod tests {
     gradcheck!(mean_axis: |x| x.mean_axis(0), shapes [[[3, 5]], [[2, 3, 4]], [[7]]]);
     gradcheck!(max_axis: |x| x.max_axis(1), shapes [[[3, 5]], [[2, 3, 4]], [[1, 1]]]);
     gradcheck!(max: |x| x.max(), shapes [[[3, 5]]]);
+    gradcheck!(min_axis: |x| x.min_axis(1), shapes [[[3, 5]], [[2, 3, 4]], [[1, 1]]]);
+    gradcheck!(min: |x| x.min(), shapes [[[3, 5]], [[]]]);
 
     proptest! {
         #[test]
@@ -206,6 +253,8 @@ mod tests {
             prop_assert!(close(&x.sum_axis(axis).value()));
             let expected = inputs[0].map_axis(Axis(axis), |x| x.fold(f64::MIN, |a, &b| a.max(b)));
             prop_assert_eq!(x.max_axis(axis).value(), expected);
+            let expected = inputs[0].map_axis(Axis(axis), |x| x.fold(f64::MAX, |a, &b| a.min(b)));
+            prop_assert_eq!(x.min_axis(axis).value(), expected);
             check(&|x: &[Var<'_, f64>]| x[0].mean_axis(axis).square(), &inputs, &options).unwrap();
             check(&|x: &[Var<'_, f64>]| x[0].max_axis(axis), &inputs, &options).unwrap();
         }
@@ -217,6 +266,15 @@ mod tests {
         let x = tape.leaf(arr2(&[[1.0, 3.0, 3.0]]));
         let gradients = x.max_axis(1).sum().backward();
         assert_eq!(gradients.wrt(x).unwrap().as_slice(), [0.0, 1.0, 0.0]);
+        let y = tape.leaf(arr2(&[[3.0, 1.0, 1.0]]));
+        let gradients = y.min_axis(1).sum().backward();
+        assert_eq!(gradients.wrt(y).unwrap().as_slice(), [0.0, 1.0, 0.0]);
+    }
+
+    #[test]
+    #[should_panic(expected = "min: the minimum of nothing")]
+    fn the_smallest_of_nothing() {
+        let _ = Tape::<f32>::eval().constant(arr2::<f32, 0>(&[])).min();
     }
 
     #[test]

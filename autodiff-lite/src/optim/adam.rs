@@ -145,6 +145,7 @@ fn step<F: Real>(
     let step = AdamStep {
         beta1: F::from_f64(beta1),
         beta2: F::from_f64(beta2),
+        rests: [beta1, beta2].map(|beta| F::from_f64(1.0 - beta)),
         step: F::from_f64(lr / correction(beta1, t)),
         correction: F::from_f64(correction(beta2, t).sqrt()),
         epsilon: F::from_f64(epsilon),
@@ -180,11 +181,11 @@ impl Method for AdamUniformMethod {
     fn update<F: Real>(&self, lr: f64, t: u64, w: &mut [F], g: &[F], moments: &mut [Vec<F>]) {
         let [m, v] = moments else { unreachable!("the optimiser keeps two moments") };
         let (beta1, beta2) = (F::from_f64(self.beta1), F::from_f64(self.beta2));
-        let one = F::one();
+        let [rest1, rest2] = [self.beta1, self.beta2].map(|beta| F::from_f64(1.0 - beta));
         let mut largest = F::zero();
         for ((m, v), &g) in m.iter_mut().zip(v.iter_mut()).zip(g) {
-            *m = beta1 * *m + (one - beta1) * g;
-            *v = beta2 * *v + (one - beta2) * g * g;
+            *m = beta1 * *m + rest1 * g;
+            *v = beta2 * *v + rest2 * g * g;
             largest = if *v > largest { *v } else { largest };
         }
         let root = (largest.to_f64() / correction(self.beta2, t)).sqrt();
@@ -246,6 +247,17 @@ mod tests {
         let w = run(uniform.with(|m| (m.beta1, m.beta2, m.epsilon) = (0.5, 0.75, 0.0)), 2);
         let expected = 0.995 - 0.1 * ((0.5 + 0.5 * 1.99) / 0.75) / (v / 0.4375_f64).sqrt();
         assert!((w[0] - expected).abs() < 1e-14);
+    }
+
+    /// `1 - β₂` of rounded numbers is off by 1e-5 of itself; of the first step it is all there is.
+    #[test]
+    fn complements_keep_their_digits() {
+        let moment = |beta2: f64| {
+            let mut adam = Adam::<f32>::new(0.1).with(|m| m.beta2 = beta2);
+            adam.update("w", &mut [1.0], &[1.0]);
+            adam.states["w"].moments[1][0]
+        };
+        assert_eq!([0.999, 0.9999].map(moment), [0.001, 0.0001]);
     }
 
     /// Coupled decay passes through the moments: the first step still has length lr.

@@ -9,6 +9,7 @@
 //! let schedule = Schedule::cosine(10, 200);
 //! let mut tape = Tape::train(0);
 //! for step in 0..200 {
+//!     tape.reseed(step as u64); // for dropout, where there is one
 //!     let mut gradients = tape.param(&w).add_scalar(-3.0).square().sum().backward();
 //!     tape.reset(); // from here on the parameter is unique and is written in place
 //!     clip_grad_norm(&mut gradients, 10.0);
@@ -28,7 +29,8 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use crate::module::has_prefix;
-use crate::{Gradients, Module, Param, Real};
+use crate::param::Shared;
+use crate::{Gradients, Module, Param, ParamId, Real};
 
 pub use adam::{Adam, AdamMethod, AdamUniform, AdamUniformMethod, AdamW, AdamWMethod};
 pub use clip::{clip_grad_norm, clip_value};
@@ -68,7 +70,8 @@ pub struct Group<M> {
 /// A method with its state, for all parameters of a module.
 ///
 /// State is kept by parameter path, so it can be saved with the module and a stopped run resumes
-/// bit for bit. Parameters that are not trainable, or that the loss does not depend on, are left
+/// bit for bit. One optimiser therefore serves one module: two that are trained together are stepped as one, a tuple of both.
+/// Parameters that are not trainable, or that the loss does not depend on, are left
 /// alone, as PyTorch leaves those without `.grad`.
 #[derive(Clone, Debug)]
 pub struct Optimizer<M, F: Real = f32> {
@@ -83,6 +86,8 @@ pub struct Optimizer<M, F: Real = f32> {
 pub(crate) struct State<F> {
     pub(crate) steps: u64,
     pub(crate) moments: Vec<Vec<F>>,
+    /// The parameter they are of, if a [`step`](Optimizer::step) made them: files do not know it.
+    pub(crate) owner: Option<ParamId>,
 }
 
 impl<M: Method, F: Real> Optimizer<M, F> {
@@ -92,7 +97,7 @@ impl<M: Method, F: Real> Optimizer<M, F> {
         Self { base, groups: Vec::new(), factor: 1.0, states: BTreeMap::new() }
     }
 
-    /// Changes the numbers of the method.
+    /// Changes the numbers of the method; before [`group`](Self::group), which copies what they are by then.
     #[must_use]
     pub fn with(mut self, change: impl FnOnce(&mut M)) -> Self {
         change(&mut self.base.method);
@@ -100,7 +105,7 @@ impl<M: Method, F: Real> Optimizer<M, F> {
     }
 
     /// Gives the parameters below `prefix` numbers of their own, beginning with a copy of those of
-    /// the others. Of several groups that cover a path the last counts.
+    /// the others: what [`with`](Self::with) changes later it does not change here. Of several groups that cover a path the last counts.
     #[must_use]
     pub fn group(mut self, prefix: &str, change: impl FnOnce(&mut Group<M>)) -> Self {
         let mut group = self.base.clone();
@@ -142,9 +147,10 @@ impl<M: Method, F: Real> Optimizer<M, F> {
     }
 
     /// Replaces each moment of the parameter at `path` by what `f` makes of it, when the parameter
-    /// is about to change its shape. Does nothing for a parameter that was never updated.
+    /// is about to change its shape, or another is to go on in its place. Does nothing for a parameter that was never updated.
     pub fn map_moments(&mut self, path: &str, f: impl Fn(&[F]) -> Vec<F>) {
         if let Some(state) = self.states.get_mut(path) {
+            state.owner = None;
             for moment in &mut state.moments {
                 *moment = f(moment);
             }
@@ -153,19 +159,36 @@ impl<M: Method, F: Real> Optimizer<M, F> {
 
     /// Updates each trainable parameter of `module` that has a gradient.
     ///
-    /// Reset the tape first: then nobody else holds the values and they are written in place.
+    /// Reset the tape first: then nobody else holds the values and they are written in place. A parameter that stands in the
+    /// module twice, as a clone, is updated once, under the first of its paths.
     ///
     /// # Panics
-    /// If a parameter has another length than when it was updated last: call
-    /// [`reset_below`](Self::reset_below) when it changes.
+    /// If a parameter has another length than when it was updated last, or at its path another parameter was updated before:
+    /// call [`reset_below`](Self::reset_below) when it changes, and step two modules as one tuple.
     pub fn step(&mut self, module: &mut (impl Module<F> + ?Sized), gradients: &Gradients<F>) {
+        let mut shared = Shared::new();
         module.visit_mut("", &mut |path: &str, param: &mut Param<F>| {
             if param.trainable
                 && let Some(gradient) = gradients.slice_of(param)
             {
-                self.update(path, param.as_slice_mut(), gradient);
+                shared.change(param, |param| {
+                    self.assert_owner(path, param.id());
+                    self.update(path, param.as_slice_mut(), gradient);
+                    if let Some(state) = self.states.get_mut(path) {
+                        state.owner = Some(param.id());
+                    }
+                });
             }
         });
+    }
+
+    fn assert_owner(&self, path: &str, param: ParamId) {
+        let owner = self.states.get(path).and_then(|state| state.owner);
+        assert!(
+            owner.is_none_or(|owner| owner == param),
+            "the state of `{path}` is that of another parameter: step modules together, as a tuple, or reset it when one takes \
+             the place of another"
+        );
     }
 
     /// Updates one array that is no module's parameter, under a path of its own.
@@ -181,7 +204,7 @@ impl<M: Method, F: Real> Optimizer<M, F> {
         }
         if !self.states.contains_key(path) {
             let moments = M::MOMENTS.iter().map(|_| vec![F::zero(); weights.len()]).collect();
-            self.states.insert(path.to_owned(), State { steps: 0, moments });
+            self.states.insert(path.to_owned(), State { steps: 0, moments, owner: None });
         }
         let state = self.states.get_mut(path).expect("inserted above if it was missing");
         assert!(
@@ -250,6 +273,50 @@ mod tests {
         grown.update("x", &mut a, &[2.0, 3.0]);
         fresh.update("x", &mut b, &[2.0, 3.0]);
         assert_eq!(a, b);
+    }
+
+    #[test]
+    #[should_panic(expected = "the state of `` is that of another parameter")]
+    fn parameters_do_not_share_a_state_unnoticed() {
+        let mut pair = pair();
+        let gradients = derivative_of_one(&pair);
+        let mut adam = Adam::new(0.1);
+        adam.step(&mut pair.a, &gradients);
+        adam.step(&mut pair.b, &gradients);
+    }
+
+    #[test]
+    fn a_parameter_may_take_the_place_of_another() {
+        let mut pair = pair();
+        let gradients = derivative_of_one(&pair);
+        let mut sgd = Sgd::new(0.1).with(|m| m.momentum = 0.5);
+        sgd.step(&mut pair.a, &gradients);
+        sgd.map_moments("", <[f64]>::to_vec);
+        sgd.step(&mut pair.b, &gradients);
+        assert_eq!([pair.a.value[0], pair.b.value[0]], [0.9, 0.85]);
+        sgd.reset_below("");
+        sgd.step(&mut pair.a, &gradients);
+        assert_eq!(pair.a.value[0], 0.9 - 0.1);
+    }
+
+    /// Two places of one parameter: the gradients of both are one, and so is the step.
+    #[test]
+    fn a_parameter_may_stand_in_two_places() {
+        let a = Param::new(arr1(&[1.0]));
+        let mut tied = Pair { b: a.clone(), a };
+        let (mut sgd, mut tape) = (Sgd::new(0.1), Tape::train(0));
+        for expected in [0.7, 0.4] {
+            let (a, b) = (tape.param(&tied.a), tape.param(&tied.b));
+            let gradients = (a.scale(2.0) + b).sum().backward();
+            tape.reset();
+            sgd.step(&mut tied, &gradients);
+            assert!((tied.a.value[0] - expected).abs() < 1e-15);
+            assert_eq!(tied.a.value.as_ptr(), tied.b.value.as_ptr(), "they share their values");
+        }
+        let mut state = crate::state::State::new();
+        state.add_module("", &tied);
+        state.load_module("", &mut tied).expect("it is its own");
+        assert_eq!(tied.a.value.as_ptr(), tied.b.value.as_ptr(), "when they were read, too");
     }
 
     #[test]

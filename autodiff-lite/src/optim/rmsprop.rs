@@ -53,6 +53,7 @@ impl Method for RmsPropMethod {
         let step = RmsPropStep {
             lr: F::from_f64(lr),
             alpha: F::from_f64(self.alpha),
+            rest: F::from_f64(1.0 - self.alpha),
             epsilon: F::from_f64(self.epsilon),
             decay: F::from_f64(self.weight_decay),
             momentum: F::from_f64(self.momentum),

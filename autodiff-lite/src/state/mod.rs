@@ -31,6 +31,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use crate::optim::{self, Method, Optimizer};
+use crate::param::Shared;
 use crate::{Module, Param, Real, Tensor};
 
 pub use error::{LoadError, Mismatch, SaveError};
@@ -38,6 +39,8 @@ pub use half::{from_bfloat, from_half, to_half};
 
 /// Names that begin so belong to optimisers.
 const OPTIMIZER: &str = "optim.";
+/// The moments of all methods here: a file with others than a method has is another method's.
+const MOMENTS: [&str; 3] = ["m", "v", "a"];
 
 /// Named arrays and a few words about them: the content of one file.
 ///
@@ -182,7 +185,8 @@ impl State {
     }
 
     /// The same with real numbers rounded to half precision: a half or a quarter of the bytes, about three digits. They are
-    /// read back as single ones.
+    /// read back as single ones. Beyond 65,520 a number becomes infinite. What is an optimiser's stays as it is: second moments
+    /// would become 0 below 3e-8, and steps infinite.
     ///
     /// ```
     /// use autodiff_lite::state::State;
@@ -197,7 +201,8 @@ impl State {
     /// ```
     #[must_use]
     pub fn halved(mut self) -> Self {
-        for Stored { numbers, .. } in self.arrays.values_mut() {
+        let own = self.arrays.iter_mut().filter(|(name, _)| !name.starts_with(OPTIMIZER));
+        for (_, Stored { numbers, .. }) in own {
             let halves = match &*numbers {
                 Numbers::Singles(x) => x.iter().map(|&x| to_half(x)).collect(),
                 Numbers::Doubles(x) => x.iter().map(|&x| to_half(x as f32)).collect(),
@@ -289,21 +294,23 @@ impl State {
     }
 
     /// Copies those arrays below `prefix` that have the shape of their parameter, and leaves the
-    /// others; [`compare_module`](Self::compare_module) tells which.
+    /// others; [`compare_module`](Self::compare_module) tells which. A parameter that stands in two places gets what the file
+    /// has for the first.
     pub fn load_matching<F: Real>(&self, prefix: &str, module: &mut (impl Module<F> + ?Sized)) {
+        let mut shared = Shared::new();
         module.visit_mut(prefix, &mut |path: &str, param: &mut Param<F>| {
             let stored = self.arrays.get(path).filter(|stored| stored.shape == param.shape());
             if let Some(stored) = stored {
-                stored.numbers.copy_to(param.as_slice_mut());
+                shared.change(param, |param| stored.numbers.copy_to(param.as_slice_mut()));
             }
         });
     }
 
-    /// Replaces the moments of an optimiser.
+    /// Replaces the moments of an optimiser. Where there are none, as before a first step, it has none then.
     ///
     /// # Errors
-    /// If a moment of a parameter is missing, or of a wrong length or type; the optimiser is then
-    /// unchanged.
+    /// If a moment of a parameter is missing, unexpected (the file is of another method, as far as the names of moments tell)
+    /// or of a wrong length or type; the optimiser is then unchanged.
     pub fn load_optimizer<M: Method, F: Real>(
         &self,
         optimizer: &mut Optimizer<M, F>,
@@ -312,7 +319,10 @@ impl State {
         let mut states = BTreeMap::new();
         let counts = format!("{OPTIMIZER}t.");
         for (name, stored) in &self.arrays {
-            let Some(path) = name.strip_prefix(&counts) else { continue };
+            let Some(path) = name.strip_prefix(&counts) else {
+                mismatch.unexpected.extend(foreign::<M>(name).then(|| name.clone()));
+                continue;
+            };
             let Numbers::Counts(count) = &stored.numbers else {
                 mismatch.wrong_type(name, "U64", stored.numbers.type_name());
                 continue;
@@ -335,12 +345,18 @@ impl State {
                 }
                 moments.push(values);
             }
-            states.insert(path.to_owned(), optim::State { steps, moments });
+            states.insert(path.to_owned(), optim::State { steps, moments, owner: None });
         }
         mismatch.into_result()?;
         optimizer.states = states;
         Ok(())
     }
+}
+
+/// Whether this is the name of a moment that the method does not have.
+fn foreign<M: Method>(name: &str) -> bool {
+    let moment = name.strip_prefix(OPTIMIZER).and_then(|name| name.split_once('.'));
+    moment.is_some_and(|(moment, _)| MOMENTS.contains(&moment) && !M::MOMENTS.contains(&moment))
 }
 
 /// Saves the parameters and buffers of a module (feature `files`).

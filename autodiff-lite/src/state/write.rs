@@ -11,7 +11,8 @@ use super::{Numbers, SaveError, State};
 
 impl State {
     /// Writes a safetensors file, whole or not at all: first beside it, then renamed. Its data is
-    /// on the disk when this returns, and others may read it as the umask has it.
+    /// on the disk when this returns, and others may read it as the umask has it. Arrays that were read and are neither of
+    /// real numbers nor of counts are left out: only their names are kept.
     ///
     /// # Errors
     /// If the folder or the disk refuses; an earlier file of that name is then untouched.

@@ -1,6 +1,6 @@
 //! Saving, loading, resuming.
 
-use autodiff_lite::optim::{Adam, Sgd};
+use autodiff_lite::optim::{Adam, RmsProp, Sgd};
 use autodiff_lite::state::{LoadError, Mismatch, State, load, save};
 use autodiff_lite::{BufferUpdate, Param, Tape, Var, impl_module};
 use ndarray::{Array1, Array2};
@@ -166,6 +166,35 @@ fn an_optimizer_of_another_kind_is_refused() {
     let mut adam = Adam::<f32>::new(0.1);
     let mismatch = state.load_optimizer(&mut adam).unwrap_err();
     assert!(mismatch.missing.contains(&"optim.v.scale".to_owned()), "{mismatch}");
+}
+
+#[test]
+fn moments_of_another_method_are_unexpected() {
+    let mut x = [1.0_f32];
+    let mut adam = Adam::<f32>::new(0.1);
+    let mut rmsprop = RmsProp::<f32>::new(0.1);
+    adam.update("x", &mut x, &[1.0]);
+    rmsprop.update("x", &mut x, &[1.0]);
+    let [mut of_adam, mut of_rmsprop] = [State::new(), State::new()];
+    of_adam.add_optimizer(&adam);
+    of_adam.insert("optim.average.x", &[1], &[1.0_f32]);
+    of_rmsprop.add_optimizer(&rmsprop);
+    let mismatch = of_adam.load_optimizer(&mut Sgd::<f32>::new(0.1)).unwrap_err();
+    assert_eq!(mismatch.unexpected, ["optim.v.x"]);
+    let mismatch = of_rmsprop.load_optimizer(&mut adam).unwrap_err();
+    assert_eq!(mismatch.unexpected, ["optim.a.x"]);
+    of_adam.load_optimizer(&mut Adam::<f32>::new(0.1)).unwrap();
+    of_rmsprop.load_optimizer(&mut RmsProp::<f32>::new(0.1)).unwrap();
+}
+
+/// A second moment of 1e-10 would be 0 in half precision, and the next step infinite.
+#[test]
+fn moments_are_not_halved() {
+    let mut adam = Adam::<f32>::new(0.1);
+    adam.update("x", &mut [1.0], &[1e-4]);
+    let mut state = State::new();
+    state.add_optimizer(&adam);
+    assert_eq!(state.clone().halved(), state);
 }
 
 #[test]

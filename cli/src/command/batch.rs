@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use mesh_core::UpAxis;
 use recon::fit::FitConfig;
 use recon::verdict::Grade;
 use serde::Serialize;
@@ -153,10 +154,10 @@ impl Batch<'_> {
             let Some(metrics) = self.metrics(object) else { continue };
             let known = |found: bool| if found { "a true mesh" } else { "none" };
             let was = metrics["truth"].as_array().is_some_and(|scores| !scores.is_empty());
-            let up = self.arguments.up.and_then(|up| serde_json::to_value(up).ok());
+            let up = self.arguments.up.map(UpAxis::name);
             let other = if was != object.truth.is_some() {
                 format!("compared with {}, now the list has {}", known(was), known(!was))
-            } else if let Some(up) = up.filter(|up| *up != metrics["up"]) {
+            } else if let Some(up) = up.filter(|up| metrics["up"] != *up) {
                 format!("made with {} up, now it is {up}", metrics["up"])
             } else {
                 continue;

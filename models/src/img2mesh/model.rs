@@ -161,7 +161,7 @@ impl Model {
         let scaled = |x: Var<'t>| if self.offset_scale == 1.0 { x } else { x * self.offset_scale };
         let raw = scaled(self.mesh_fc.forward(code)) + tape.constant(self.sphere.clone());
         // The centre of the box goes where the position head says.
-        let (high, low) = (raw.max_axis(1), raw.neg().max_axis(1).neg());
+        let (high, low) = (raw.max_axis(1), raw.min_axis(1));
         let shift = scaled(self.mesh_pos_fc.forward(code)) - (high + low).scale(0.5);
         let positions = raw + shift.reshape(&[n, 1, 3]);
         let colors = self.mesh_color_fc.forward(code).reshape(&[n, v, 3]).hardsigmoid();

@@ -24,8 +24,6 @@ pub(super) fn finish<F: Lane>(activation: Activation, y: &mut [F]) {
     }
     let parallel = y.len() >= SERIAL_ELEMENTS;
     for_each_part(y, CHUNK, parallel, |_, part| {
-        for y in part {
-            *y = activation.apply(*y);
-        }
+        activation.apply_all(part);
     });
 }
