@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use mesh_core::io::write_atomic;
-use mesh_core::{ByteImage, Camera, DepthMap, decode_image_with, encode_depth, encode_png};
+use mesh_core::{ByteImage, Camera, DepthMap, StoredImage, encode_depth, encode_png};
 
 use crate::backdrop::Backdrop;
 use crate::error::{ReadViewsError, ViewsProblem, WriteViewsError};
@@ -21,9 +21,20 @@ pub(crate) const IMAGE_BYTES: u64 = 1 << 28;
 pub(crate) struct ImageFile {
     pub(crate) path: PathBuf,
     pub(crate) pixels: ByteImage,
+    /// Whether the pixels are as they are stored, whatever EXIF says of them.
+    pub(crate) is_stored: bool,
+    /// Whether the EXIF orientation makes columns of the stored rows.
+    pub(crate) is_lying: bool,
 }
 
-/// Reads and decodes an image.
+impl ImageFile {
+    /// Pixels of a file that has no orientation.
+    pub(crate) fn new(path: PathBuf, pixels: ByteImage) -> Self {
+        Self { path, pixels, is_stored: false, is_lying: false }
+    }
+}
+
+/// Reads and decodes an image, turned upright where the source's pixels are not counted as they are stored.
 pub(crate) fn read_image_file(
     opened: &mut Opened<'_>,
     name: &str,
@@ -31,9 +42,28 @@ pub(crate) fn read_image_file(
 ) -> Result<ImageFile, ReadViewsError> {
     let path = opened.source().locate(name);
     let bytes = opened.read(name, field, IMAGE_BYTES)?;
-    let pixels = decode_image_with(&bytes, &path, opened.limits())
-        .map_err(|error| ReadViewsError::new(&path, error))?;
-    Ok(ImageFile { path, pixels })
+    let image = decoded(&bytes, &path, opened)?;
+    let (is_stored, is_lying) = (opened.source().has_stored_pixels(), image.is_lying());
+    let image = if is_stored { image } else { image.upright() };
+    Ok(ImageFile { path, pixels: image.into_bytes(), is_stored, is_lying })
+}
+
+/// Reads and decodes an image whose numbers may be labels, else like [`read_image_file`].
+pub(crate) fn read_labels(
+    opened: &mut Opened<'_>,
+    name: &str,
+    field: &str,
+) -> Result<(PathBuf, ByteImage), ReadViewsError> {
+    let path = opened.source().locate(name);
+    let bytes = opened.read(name, field, IMAGE_BYTES)?;
+    let image = decoded(&bytes, &path, opened)?;
+    let image = if opened.source().has_stored_pixels() { image } else { image.upright() };
+    Ok((path, image.into_labels()))
+}
+
+fn decoded(bytes: &[u8], path: &Path, opened: &Opened<'_>) -> Result<StoredImage, ReadViewsError> {
+    StoredImage::decode(bytes, path, opened.limits())
+        .map_err(|error| ReadViewsError::new(path, error))
 }
 
 /// A file's name without its extension, with its folders.
@@ -93,7 +123,15 @@ pub(crate) fn check_shape(
     if is_same_shape([w, h], [width, height]) {
         return Ok(());
     }
-    let expected = format!("the shape of {}, {width}x{height}", image.path.display());
+    let mut expected = format!("the shape of {}, {width}x{height}", image.path.display());
+    // The other reading of the orientation would do, and is not what the layout says.
+    if image.is_lying && is_same_shape([w, h], [height, width]) {
+        expected += if image.is_stored {
+            "; turned as its EXIF orientation says it would fit: COLMAP counts stored pixels, so turn these (magick mogrify -auto-orient)"
+        } else {
+            ", turned as its EXIF orientation says; as it is stored it would fit: remove the tag (exiftool -Orientation= FILE)"
+        };
+    }
     Err(ReadViewsError::field(file, field, format!("{w}x{h}"), expected))
 }
 
@@ -171,7 +209,7 @@ pub(crate) fn assemble(
     options: &ReadOptions,
 ) -> Result<View, ReadViewsError> {
     let MaskFile { found, looked_for } = match &options.masks {
-        Some(folder) => mask_of_folder(folder, &image.path, options)?,
+        Some(folder) => mask_of_folder(folder, &image.path, image.is_stored, options)?,
         None => file,
     };
     let found = found.map(|found| mask_of_size(found, &image)).transpose()?;
@@ -181,7 +219,7 @@ pub(crate) fn assemble(
             return Err(of_another_size(at, "depth size", size, &image));
         }
     }
-    let ImageFile { path, pixels: image } = image;
+    let ImageFile { path, pixels: image, .. } = image;
     let color = image.over(options.background);
     let looked_for = MaskFile { found: None, looked_for }.looked_for();
     let no_mask = || {

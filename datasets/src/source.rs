@@ -27,6 +27,8 @@ pub(crate) struct Source {
     /// How many folders above its own a name may reach.
     above: usize,
     limits: Limits,
+    /// Whether pixels are counted as they are stored, whatever EXIF says of how the camera was held.
+    stored_pixels: bool,
 }
 
 /// A source opened by one thread.
@@ -39,7 +41,8 @@ impl Source {
     /// A folder.
     pub(crate) fn folder(path: &Path) -> Self {
         let limits = Limits::default();
-        Self { path: path.to_owned(), prefix: String::new(), entries: None, above: 0, limits }
+        let (path, prefix) = (path.to_owned(), String::new());
+        Self { path, prefix, entries: None, above: 0, limits, stored_pixels: false }
     }
 
     /// A zip archive; its table of contents is read once, here.
@@ -53,7 +56,8 @@ impl Source {
             .collect();
         let prefix = common_folder(&names);
         let limits = Limits::default();
-        Ok(Self { path: path.to_owned(), prefix, entries: Some(names), above: 0, limits })
+        let (path, entries) = (path.to_owned(), Some(names));
+        Ok(Self { path, prefix, entries, above: 0, limits, stored_pixels: false })
     }
 
     /// The same folder, whose files may also lie so many folders above it: `../images/0.png`.
@@ -64,6 +68,16 @@ impl Source {
     /// The same, whose files are held to these limits.
     pub(crate) fn within(self, limits: Limits) -> Self {
         Self { limits, ..self }
+    }
+
+    /// The same, whose images are not turned as EXIF says.
+    pub(crate) fn with_stored_pixels(self) -> Self {
+        Self { stored_pixels: true, ..self }
+    }
+
+    /// Whether images are not turned as EXIF says.
+    pub(crate) fn has_stored_pixels(&self) -> bool {
+        self.stored_pixels
     }
 
     /// Whether a name stays where names of this source may be. Absolute ones never do.

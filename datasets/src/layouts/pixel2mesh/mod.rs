@@ -175,7 +175,7 @@ impl Dataset for Pixel2Mesh {
             assert!(view == 0, "views: view {view} of a sample, which has one");
             pending.push(Box::new(|opened| {
                 let image = if let Some(pixels) = read_sample(file)?.picture {
-                    ImageFile { path: file.clone(), pixels }
+                    ImageFile::new(file.clone(), pixels)
                 } else {
                     let png = file.with_extension("png");
                     let name = png.file_name().unwrap_or_default().to_string_lossy().into_owned();
