@@ -161,6 +161,25 @@ fn mask_of_size(
     Ok(mask)
 }
 
+/// The depth at the size of its image, each pixel from the nearest: sensors and networks have fewer pixels than cameras.
+///
+/// # Errors
+/// If neither can be a resized copy of the other.
+fn depth_of_size(
+    (at, depth): (PathBuf, DepthMap),
+    image: &ImageFile,
+) -> Result<DepthMap, ReadViewsError> {
+    let (of_depth, of_image) =
+        ([depth.width, depth.height], [image.pixels.width, image.pixels.height]);
+    if of_depth == of_image {
+        return Ok(depth);
+    }
+    if depth.data.is_empty() || !is_same_shape(of_depth.max(of_image), of_depth.min(of_image)) {
+        return Err(of_another_size(&at, "depth size", of_depth, image));
+    }
+    Ok(depth.resized(image.pixels.height, image.pixels.width))
+}
+
 /// The error of a file that has not the size of its image.
 fn of_another_size(
     at: &Path,
@@ -169,7 +188,7 @@ fn of_another_size(
     image: &ImageFile,
 ) -> ReadViewsError {
     let ByteImage { width, height, .. } = image.pixels;
-    let expected = format!("{width}x{height}, the size of {}", image.path.display());
+    let expected = format!("the shape of {}, {width}x{height}", image.path.display());
     ReadViewsError::field(at, field, format!("{w}x{h}"), expected)
 }
 
@@ -213,12 +232,7 @@ pub(crate) fn assemble(
         None => file,
     };
     let found = found.map(|found| mask_of_size(found, &image)).transpose()?;
-    if let Some((at, depth)) = &depth {
-        let size = [depth.width, depth.height];
-        if size != [image.pixels.width, image.pixels.height] {
-            return Err(of_another_size(at, "depth size", size, &image));
-        }
-    }
+    let depth = depth.map(|depth| depth_of_size(depth, &image)).transpose()?;
     let ImageFile { path, pixels: image, .. } = image;
     let color = image.over(options.background);
     let looked_for = MaskFile { found: None, looked_for }.looked_for();
@@ -248,7 +262,7 @@ pub(crate) fn assemble(
         invert(&mut mask);
     }
     clean_mask(&mut mask, options);
-    let view = View { name, color, mask, camera, depth: depth.map(|(_, depth)| depth), crop: None };
+    let view = View { name, color, mask, camera, depth, crop: None };
     Ok(match options.max_size {
         Some(longest) => view.at_most(longest),
         None => view,

@@ -19,12 +19,16 @@ use crate::options::{MaskSource, ReadOptions};
 use crate::read::{Pending, Reading};
 use crate::source::{Opened, Source};
 use crate::view::{Layout, View};
+use crate::wanted::Wanted;
 
 const COLOR: &str = "_rgb.png";
 const MASK: &str = "_semantic.npy";
 const CAMERA: &str = "_metadata.json";
 /// Width of the sensor that is written, millimetres: the one of kaolin's own samples.
 const APERTURE: f64 = 20.955;
+/// Where the object lies in the scene: as it is.
+const IDENTITY: [[f64; 4]; 4] =
+    [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
 /// No metadata is longer than this.
 const METADATA_BYTES: u64 = 1 << 24;
 
@@ -67,11 +71,12 @@ pub(crate) fn list<'a>(
     }
     // Where some views have a mask file, one without has lost it.
     let masks = match options.mask {
+        _ if !options.reads_mask_files() => false,
         MaskSource::Files => true,
         MaskSource::Auto => names.iter().any(|n| index_of(n).is_some() && n.ends_with(MASK)),
         _ => false,
     };
-    let mut pending: Vec<Pending<'a>> = Vec::new();
+    let (mut pending, mut left_out): (Vec<Pending<'a>>, _) = (Vec::new(), Vec::new());
     for text in indices.into_values() {
         let stem = text.to_owned();
         let mut wanted = vec![COLOR, CAMERA];
@@ -83,16 +88,20 @@ pub(crate) fn list<'a>(
             Some(end) if options.allow_missing => {
                 warnings.push(format!("view {stem} is left out: {stem}{end} is missing"));
             }
+            Some(_) if !Wanted::of(options).has(&stem) => left_out.push(stem),
             Some(end) => {
                 let path = source.locate(&format!("{stem}{end}"));
                 let wanted_by = format!("view {stem} has other files");
                 return Err(ReadViewsError::missing_view(path, wanted_by));
             }
-            None => pending.push(Box::new(move |opened| read_view(opened, &stem, options))),
+            None => {
+                let name = stem.clone();
+                pending.push(Pending::new(name, move |opened| read_view(opened, &stem, options)));
+            }
         }
     }
     let layout = if source.is_zip() { Layout::KaolinZip } else { Layout::KaolinFolder };
-    Ok(Reading { pending, warnings, ..Reading::new(layout, "tf_mat") })
+    Ok(Reading { pending, warnings, left_out, ..Reading::new(layout, "tf_mat") })
 }
 
 /// The number in front of a known ending, and its text.
@@ -119,7 +128,7 @@ fn read_view(
         None
     };
     let depths = ["_depth.exr", "_depth_linear.npy"].map(|end| format!("{stem}{end}"));
-    let depth = depth::read(opened, &depths, Unit::OfIntegers(1.0), &image.pixels, options)?;
+    let depth = depth::read(opened, &depths, Unit::OfIntegers(1.0), options)?;
     assemble(stem.to_owned(), image, mask.into(), camera, depth, options)
 }
 
@@ -206,7 +215,8 @@ fn write_view(view: &View, stem: &Path) -> Result<(), WriteViewsError> {
             "focal_length": camera.focal_length,
             "tf_mat": camera.tf_mat,
         },
-        "asset_transforms": [],
+        // kaolin's reader asks for the matrix of the first, and fails where there is none.
+        "asset_transforms": [["asset", IDENTITY]],
     });
     put(&file(COLOR), &encode_png(&view.color))?;
     let mut labels = Vec::new();

@@ -68,8 +68,8 @@ pub(crate) fn list<'a>(
         let shot = Shot::new(line, index + 1, &path)?;
         let found =
             source.need(&shot.image, || format!("{} of {} names it", shot.field, path.display()));
-        let (image, path) = (shot.image.clone(), path.clone());
-        reading.add(&image, found, options, move |(), opened| shot.read(opened, &path, options))?;
+        let (name, path) = (without_extension(&shot.image).to_owned(), path.clone());
+        reading.add(&name, found, options, move |(), opened| shot.read(opened, &path, options))?;
     }
     if listed != count {
         let found = format!("{listed} lines with cameras");

@@ -25,7 +25,7 @@ use crate::formats::mat::Mat;
 use crate::formats::npy;
 use crate::mask_file::mask_file;
 use crate::options::ReadOptions;
-use crate::read::Reading;
+use crate::read::{Pending, Reading};
 use crate::source::Source;
 use crate::undistort::{Lenses, straightened};
 use crate::view::Layout;
@@ -103,7 +103,8 @@ pub(crate) fn list<'a>(
     let views = images.into_iter().zip(masks).zip(matrices).zip(places);
     for (((name, masks), p), (file, field)) in views {
         let p = from_corner(p, 0.5 - first_pixel);
-        reading.pending.push(Box::new(move |opened| {
+        let stem = plain_stem(&name).to_owned();
+        reading.pending.push(Pending::new(stem, move |opened| {
             let image = read_image_file(opened, &name, "image")?;
             let (width, height) = (image.pixels.width, image.pixels.height);
             let (camera, skew) = Camera::from_projection_matrix(p, width, height)

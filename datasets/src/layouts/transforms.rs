@@ -322,10 +322,11 @@ impl Frame {
         };
         let unit = match self.depth_unit {
             Some(unit) => Unit::OfAll(unit),
-            // nerfstudio's default, millimetres, where numbers are whole; others are what they say.
+            // nerfstudio's default, millimetres, where numbers are whole. It takes a thousandth of others too, which here are what they
+            // say: whoever writes metres as floats means metres.
             None => Unit::OfIntegers(1e-3),
         };
-        let depth = depth::read(opened, self.depth.as_slice(), unit, &image.pixels, options)?;
+        let depth = depth::read(opened, self.depth.as_slice(), unit, options)?;
         let view = assemble(self.name.clone(), image, mask, camera, depth, options)?;
         let field = format!("{}: k1, k2, ..", self.field);
         straightened(view, self.distortion.as_ref(), options, (&self.file, &field))
@@ -360,7 +361,8 @@ pub fn write_transforms(views: &[View], folder: &Path) -> Result<(), WriteViewsE
 /// `val_filenames`, without which it refuses the file; the rest are its `train_filenames`. Without any there are no lists.
 ///
 /// The folder is made where it does not exist; files of the same name are replaced, each
-/// atomically, the JSON last. Every frame carries its own intrinsics.
+/// atomically, the JSON last. Every frame carries its own intrinsics. Depth is in the unit of the poses; nerfstudio, whose
+/// default is thousandths of that, has to be told: `depth_unit_scale_factor=1` of its data parser.
 ///
 /// # Errors
 /// If a file cannot be written, or a camera has parallel rays, which the layout cannot say.

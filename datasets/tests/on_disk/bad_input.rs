@@ -191,7 +191,9 @@ fn cameras_that_are_none_are_named() {
     });
     assert_names(&not_a_number, &["3_metadata.json", "camera_properties.focal_length", "NaN"]);
     let infinite = spoilt(|f| {
-        edit(&f.join("3_metadata.json"), |text| text.replacen("[[", "[[Infinity,0,0,0],[", 1));
+        edit(&f.join("3_metadata.json"), |text| {
+            text.replacen("\"tf_mat\":[[", "\"tf_mat\":[[Infinity,0,0,0],[", 1)
+        });
     });
     assert_names(&infinite, &["3_metadata.json", "tf_mat"]);
     let singular = spoilt(|f| {

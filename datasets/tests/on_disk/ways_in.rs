@@ -317,6 +317,27 @@ fn depth_in_whole_millimetres_is_read() {
         value.as_object_mut().unwrap().remove("depth_unit_scale_factor");
     });
     assert_eq!(read_depth().data[2], 1502.0);
+    // Whole numbers are millimetres in an array too.
+    let write = |kind: &str, [height, width]: [usize; 2]| {
+        let header = format!(
+            "{{'descr': '{kind}', 'fortran_order': False, 'shape': ({height}, {width}), }}"
+        );
+        let mut bytes = b"\x93NUMPY\x01\0".to_vec();
+        bytes.extend((header.len() as u16).to_le_bytes());
+        bytes.extend(header.bytes());
+        bytes.extend((0..height * width).flat_map(|k| (1500 + k as u16).to_le_bytes()));
+        std::fs::write(folder.path().join("d.npy"), bytes).unwrap();
+    };
+    write("<u2", [size.height, size.width]);
+    assert!((read_depth().data[2] - 1.502).abs() < 1e-6);
+    // Half the size is brought to that of the image, another shape is not.
+    write("<u2", [size.height / 2, size.width / 2]);
+    let depth = read_depth();
+    assert_eq!((depth.height, depth.width), (size.height, size.width));
+    assert!((depth.data[2] - 1.501).abs() < 1e-6, "{}", depth.data[2]);
+    write("<u2", [size.height, size.height]);
+    let error = read_with(folder.path(), &options).unwrap_err();
+    assert!(error.to_string().contains("d.npy"), "{error}");
 }
 
 #[test]

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use mesh_core::DepthMap;
 
-use crate::assemble::{ImageFile, assemble, camera_of_size, read_image_file, without_extension};
+use crate::assemble::{IMAGE_BYTES, assemble, camera_of_size, read_image_file, without_extension};
 use crate::dataset::{Catalog, Dataset};
 use crate::error::ReadViewsError;
 use crate::layouts::single::SingleObject;
@@ -101,7 +101,7 @@ impl Project {
             if let Some(lens) = self.model.distorted(image).filter(|_| found.is_ok()) {
                 lenses.count(lens);
             }
-            reading.add(&image.name, found, options, move |(), opened| {
+            reading.add(without_extension(&image.name), found, options, move |(), opened| {
                 self.read_view(opened, image, &name, options)
             })?;
         }
@@ -134,7 +134,7 @@ impl Project {
         let stem = without_extension(&image.name);
         let masks = mask_names(&format!("{}masks", self.base), &image.name);
         let mask = mask_file(opened, &masks, options)?;
-        let depth = if options.depth { self.depth(opened, image, &file)? } else { None };
+        let depth = if options.depth { self.depth(opened, image)? } else { None };
         let view = assemble(stem.to_owned(), file, mask, camera, depth, options)?;
         let field = format!("camera {} MODEL, {}", image.camera, image.name);
         straightened(view, distortion.as_ref(), options, (&files[0], &field))
@@ -145,15 +145,13 @@ impl Project {
         &self,
         opened: &mut Opened<'_>,
         image: &ModelImage,
-        file: &ImageFile,
     ) -> Result<Option<(PathBuf, DepthMap)>, ReadViewsError> {
         let names = ["geometric", "photometric"]
             .map(|kind| format!("{}stereo/depth_maps/{}.{kind}.bin", self.base, image.name));
         let source = opened.source();
         let Some(name) = names.iter().find(|name| source.has(name)) else { return Ok(None) };
         let path = source.locate(name);
-        let size = (file.pixels.width * file.pixels.height) as u64;
-        let bytes = opened.read(name, "depth", 4 * size + 64)?;
+        let bytes = opened.read(name, "depth", IMAGE_BYTES)?;
         let depth = depth_map(&bytes).ok_or_else(|| {
             let found = format!("{} bytes that begin otherwise", bytes.len());
             let expected = "WIDTH&HEIGHT&1& and as many 32-bit floats";

@@ -209,15 +209,14 @@ impl Dataset for R2n2 {
                 continue;
             }
             let (source, lens) = (&source, self.lens);
-            pending.push(Box::new(move |opened| {
+            pending.push(Pending::new(line.stem(), move |opened| {
                 let image = read_image_file(opened, &line.image, "image")?;
                 let camera = lens.camera(line, image.pixels.width, image.pixels.height);
                 let field = format!("line {} with {lens:?}", view + 1);
                 let file = source.locate(metadata::FILE);
                 camera.validate().map_err(ReadViewsError::camera(file, field))?;
                 let depths = [format!("{}_depth.exr", line.stem())];
-                let depth =
-                    depth::read(opened, &depths, Unit::OfIntegers(1.0), &image.pixels, options)?;
+                let depth = depth::read(opened, &depths, Unit::OfIntegers(1.0), options)?;
                 assemble(line.stem().to_owned(), image, MaskFile::default(), camera, depth, options)
             }));
         }
