@@ -7,11 +7,12 @@ use mesh_core::Ray;
 use crate::error::{ReadViewsError, ViewsProblem};
 use crate::view::View;
 
-/// Refuses views in which nothing is to be seen, and says what looks wrong in some.
+/// Refuses views in which nothing is to be seen, and says what looks wrong in some. `expected` is what the poses are taken for, for
+/// messages, as `poses` is the field that holds them.
 pub(crate) fn check(
     path: &Path,
     views: &[View],
-    poses: &str,
+    (poses, expected): (&str, String),
     warnings: &mut Vec<String>,
 ) -> Result<(), ReadViewsError> {
     let share = |view: &View| {
@@ -41,6 +42,7 @@ pub(crate) fn check(
             wrong: strays.len(),
             views: views.len(),
             first: views[strays[0]].name.clone(),
+            expected,
         };
         return Err(ReadViewsError::new(path, problem));
     }

@@ -139,7 +139,7 @@ pub enum ViewsProblem {
     /// The cameras do not look at what the masks show.
     #[error(
         "field `{field}`: {wrong} of {views} cameras do not see the point where their masks meet, \
-         the first is view {first}; expected camera axes x right, y up, looking along -z"
+         the first is view {first}; expected {expected}"
     )]
     SeesNothing {
         /// The field that holds the poses.
@@ -150,6 +150,8 @@ pub enum ViewsProblem {
         views: usize,
         /// The name of the first of them.
         first: String,
+        /// What the layout's cameras mean, and what can be done where a file means others.
+        expected: String,
     },
 }
 

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use crate::budget::{check_budget, megabytes};
 use crate::consistency;
-use crate::convention::reread;
+use crate::convention::{Convention, reread};
 use crate::error::ReadViewsError;
 use crate::mask::clean_mask;
 use crate::options::{MaskSource, OnInconsistent, ReadOptions};
@@ -281,7 +281,8 @@ pub(crate) fn read_chosen(
         && options.mask != MaskSource::Whole
         && !views.is_empty()
     {
-        consistency::check(path, &views, poses, &mut warnings)?;
+        let expected = expected_of(layout.convention(), options);
+        consistency::check(path, &views, (poses, expected), &mut warnings)?;
     }
     Ok(Views { views, source: path.to_owned(), layout, warnings, test })
 }
@@ -359,6 +360,19 @@ fn reopened<'o, 'a>(
 fn unknown_to(layout: Layout, options: &ReadOptions) -> Option<&'static str> {
     let said = options.axes.map(|_| "axes").or_else(|| options.poses.map(|_| "poses"));
     said.filter(|_| layout.convention().is_none())
+}
+
+/// What the cameras of a layout were taken for, and what can be said where a file has others.
+fn expected_of(layout: Option<Convention>, options: &ReadOptions) -> String {
+    let Some((axes, poses)) = layout else { return "cameras that look at the object".into() };
+    let (axes, poses) = (options.axes.unwrap_or(axes), options.poses.unwrap_or(poses));
+    format!(
+        "camera axes {} and {} poses; where the file means others: axes {} (--axes), poses {} (--poses)",
+        axes.words(),
+        poses.name(),
+        axes.other().name(),
+        poses.other().name()
+    )
 }
 
 /// The camera as the options say that it is meant, where it was read as the layout has it.

@@ -27,7 +27,7 @@ use crate::mask_file::mask_file;
 use crate::options::ReadOptions;
 use crate::read::{Pending, Reading};
 use crate::source::Source;
-use crate::undistort::{Lenses, straightened};
+use crate::undistort::{Lenses, SKEW, straightened};
 use crate::view::Layout;
 
 /// Hundreds of thousands of matrices fit.
@@ -95,11 +95,11 @@ pub(crate) fn list<'a>(
         let (_, skew) = Camera::from_projection_matrix(*p, 1, 1)
             .map_err(ReadViewsError::camera(file, field.clone()))?;
         if skew.is_some() {
-            lenses.count("skew of the pixels' axes".to_owned());
+            lenses.count(SKEW.to_owned());
         }
     }
     let mut reading = Reading::new(Layout::Projections, "projection matrices");
-    reading.warnings.extend(lenses.sentence());
+    reading.warnings.extend(lenses.sentence(options));
     let views = images.into_iter().zip(masks).zip(matrices).zip(places);
     for (((name, masks), p), (file, field)) in views {
         let p = from_corner(p, 0.5 - first_pixel);

@@ -73,7 +73,7 @@ pub(crate) fn list<'a>(
             }
         }
     }
-    reading.warnings.extend(lenses.sentence());
+    reading.warnings.extend(lenses.sentence(options));
     if left_out > 0 {
         let count = counted_are(left_out, "validation view");
         reading.warnings.push(format!("{count} left out: others are kept for tests"));
@@ -125,7 +125,7 @@ impl Parts {
         ] {
             let names = root.get(key).map(|node| node.elements()).transpose()?;
             for name in names.into_iter().flatten() {
-                lists.insert(plain(name.text()?).to_owned(), subset);
+                lists.insert(plain(name.text()?), subset);
             }
         }
         let of = [Subset::Train, Subset::Validation, Subset::Test];
@@ -140,7 +140,7 @@ impl Parts {
 
     /// What a frame is for: nothing is said of most.
     fn of(&self, image: &str) -> Option<Subset> {
-        let said = self.lists.get(plain(image)).copied().or(self.file);
+        let said = self.lists.get(&plain(image)).copied().or(self.file);
         said.map(|subset| match subset {
             Subset::Validation if !self.has_test => Subset::Test,
             subset => subset,
@@ -148,9 +148,9 @@ impl Parts {
     }
 }
 
-/// A name as lists and frames both have it.
-fn plain(name: &str) -> &str {
-    name.trim_start_matches("./")
+/// A name as lists and frames both have it, on whatever system they were written.
+fn plain(name: &str) -> String {
+    name.replace('\\', "/").trim_start_matches("./").to_owned()
 }
 
 /// What the JSON says about one frame, checked, before its image is read.
@@ -269,10 +269,10 @@ impl Frame {
             frame.get(key).map(|node| node.text().map(String::from)).transpose()
         };
         let image = frame.need("file_path")?.text()?.to_owned();
-        let clean = image.trim_start_matches("./");
+        let clean = plain(&image);
         let name = match clean.rsplit_once('.') {
             Some((stem, extension)) if !stem.is_empty() && !extension.contains('/') => stem,
-            _ => clean,
+            _ => &clean,
         };
         Ok(Self {
             file: root.file().to_owned(),
@@ -318,7 +318,7 @@ impl Frame {
                 })?;
                 named_mask(opened, name, options)?
             }
-            _ => mask_file(opened, &mask_names("masks", &self.image), options)?,
+            _ => mask_file(opened, &mask_names("masks", &plain(&self.image)), options)?,
         };
         let unit = match self.depth_unit {
             Some(unit) => Unit::OfAll(unit),

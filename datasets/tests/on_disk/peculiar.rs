@@ -1,6 +1,8 @@
 //! What other programs and systems want of files, and what they leave in folders.
 
-use crate::common::{ball, kaolin_folder, read};
+use std::io::Write as _;
+
+use crate::common::{ball, edit_json, kaolin_folder, read, transforms_folder};
 use datasets::{ReadOptions, read_views};
 use mesh_core::write_png;
 
@@ -28,4 +30,77 @@ fn kaolins_own_masks_need_not_be_there_where_others_are_named() {
     let options = ReadOptions { masks: Some(masks.path().into()), ..ReadOptions::default() };
     let views = read_views(folder.path(), &options, &|_, _| {}).unwrap().views;
     assert_eq!(views[1].mask, ball(3)[1].mask);
+}
+
+/// What an unpacked zip of macOS leaves: one folder, and clutter beside it and within.
+#[test]
+fn clutter_beside_the_views_does_not_count() {
+    let inner = kaolin_folder(3);
+    let outer = tempfile::tempdir().unwrap();
+    let scene = outer.path().join("scene");
+    std::fs::create_dir(&scene).unwrap();
+    for entry in std::fs::read_dir(inner.path()).unwrap() {
+        let entry = entry.unwrap();
+        std::fs::copy(entry.path(), scene.join(entry.file_name())).unwrap();
+    }
+    std::fs::create_dir_all(outer.path().join("__MACOSX/scene")).unwrap();
+    for name in [".DS_Store", "._scene", "scene/._0_rgb.png", "__MACOSX/scene/._0_rgb.png"] {
+        std::fs::write(outer.path().join(name), b"clutter").unwrap();
+    }
+    assert_eq!(read(outer.path()).unwrap().len(), 3);
+    // Images that are found by being there are not joined by what macOS has beside each.
+    for view in 0..3 {
+        let name = format!("{view}_rgb.png");
+        let photos = outer.path().join("photos");
+        std::fs::create_dir_all(&photos).unwrap();
+        std::fs::copy(scene.join(&name), photos.join(&name)).unwrap();
+        std::fs::write(photos.join(format!("._{name}")), b"clutter").unwrap();
+    }
+    let table =
+        datasets::Turntable { count: 3, elevation: 0.0, distance: 3.0, fov: 40.0, reverse: false };
+    let options = ReadOptions {
+        turntable: Some(table),
+        mask: datasets::MaskSource::Whole,
+        ..ReadOptions::default()
+    };
+    assert_eq!(read_views(&outer.path().join("photos"), &options, &|_, _| {}).unwrap().len(), 3);
+}
+
+#[test]
+fn names_that_windows_wrote_are_found() {
+    let folder = transforms_folder(2);
+    edit_json(&folder.path().join("transforms.json"), |value| {
+        for frame in value["frames"].as_array_mut().unwrap() {
+            for key in ["file_path", "mask_path", "depth_file_path"] {
+                let name = frame[key].as_str().unwrap().replace('/', "\\");
+                frame[key] = format!(".\\{name}").into();
+            }
+        }
+    });
+    let options = ReadOptions { depth: true, ..ReadOptions::default() };
+    let expected = ball(2);
+    let assert_read = |path: &std::path::Path| {
+        let views = read_views(path, &options, &|_, _| {}).unwrap().views;
+        assert_eq!((views.len(), views[1].name.as_str()), (2, "images/0001"));
+        assert_eq!((&views[1].mask, &views[1].depth), (&expected[1].mask, &expected[1].depth));
+    };
+    assert_read(folder.path());
+    // Entries of an archive that Windows made, all in one folder.
+    let archive = folder.path().join("scene.zip");
+    let mut zip = zip::ZipWriter::new(std::fs::File::create(&archive).unwrap());
+    for name in ["transforms.json", "images/0000.png", "images/0001.png", "masks/0000.png"]
+        .into_iter()
+        .chain(["masks/0001.png", "depth/0000.exr", "depth/0001.exr"])
+    {
+        let entry = format!("scene\\{}", name.replace('/', "\\"));
+        zip.start_file(entry, zip::write::SimpleFileOptions::default()).unwrap();
+        zip.write_all(&std::fs::read(folder.path().join(name)).unwrap()).unwrap();
+    }
+    zip.finish().unwrap();
+    assert_read(&archive);
+    // No way out of the folder.
+    edit_json(&folder.path().join("transforms.json"), |value| {
+        value["frames"][0]["file_path"] = "..\\..\\..\\0.png".into();
+    });
+    assert!(read(folder.path()).unwrap_err().to_string().contains("lies outside"));
 }

@@ -55,7 +55,8 @@
 //! - An object's files appear together or not at all, and what has appeared outlasts a power cut; a run that was stopped
 //!   is taken up by running it again.
 //! - The bytes are a function of the configuration alone, whatever the number of threads, however
-//!   often it was stopped. Adding objects or families moves no other.
+//!   often it was stopped. Adding objects or families changes no other object's files; which subset of `splits.json` an object is in
+//!   is dealt anew among those of its category, so that every one has its shares.
 
 mod claim;
 mod config;

@@ -105,7 +105,7 @@ impl Project {
                 self.read_view(opened, image, &name, options)
             })?;
         }
-        reading.warnings.extend(lenses.sentence());
+        reading.warnings.extend(lenses.sentence(options));
         if self.moved > 0 {
             let extension = self.form.extension();
             reading.warnings.push(format!(
