@@ -7,11 +7,11 @@ use mesh_core::{ByteImage, Camera, DepthMap, StoredImage, encode_depth, encode_p
 
 use crate::backdrop::Backdrop;
 use crate::error::{ReadViewsError, ViewsProblem, WriteViewsError};
-use crate::mask::{clean_mask, invert, mask_from_alpha};
+use crate::mask::{brightest, clean_mask, invert, mask_from_alpha};
 use crate::mask_file::{MaskFile, mask_of_folder};
 use crate::natural;
 use crate::options::{MaskSource, ReadOptions};
-use crate::source::{Opened, Source};
+use crate::source::{Brightest, Opened, Source};
 use crate::view::View;
 
 /// No image of a view may be a larger file than this.
@@ -25,12 +25,14 @@ pub(crate) struct ImageFile {
     pub(crate) is_stored: bool,
     /// Whether the EXIF orientation makes columns of the stored rows.
     pub(crate) is_lying: bool,
+    /// Where values of masks are noted.
+    pub(crate) brightest: Brightest,
 }
 
 impl ImageFile {
     /// Pixels of a file that has no orientation.
     pub(crate) fn new(path: PathBuf, pixels: ByteImage) -> Self {
-        Self { path, pixels, is_stored: false, is_lying: false }
+        Self { path, pixels, is_stored: false, is_lying: false, brightest: Brightest::default() }
     }
 }
 
@@ -45,7 +47,8 @@ pub(crate) fn read_image_file(
     let image = decoded(&bytes, &path, opened)?;
     let (is_stored, is_lying) = (opened.source().has_stored_pixels(), image.is_lying());
     let image = if is_stored { image } else { image.upright() };
-    Ok(ImageFile { path, pixels: image.into_bytes(), is_stored, is_lying })
+    let brightest = opened.source().brightest().clone();
+    Ok(ImageFile { path, pixels: image.into_bytes(), is_stored, is_lying, brightest })
 }
 
 /// Reads and decodes an image whose numbers may be labels, else like [`read_image_file`].
@@ -58,7 +61,9 @@ pub(crate) fn read_labels(
     let bytes = opened.read(name, field, IMAGE_BYTES)?;
     let image = decoded(&bytes, &path, opened)?;
     let image = if opened.source().has_stored_pixels() { image } else { image.upright() };
-    Ok((path, image.into_labels()))
+    let image = image.into_labels();
+    opened.source().brightest().note(brightest(&image));
+    Ok((path, image))
 }
 
 fn decoded(bytes: &[u8], path: &Path, opened: &Opened<'_>) -> Result<StoredImage, ReadViewsError> {
@@ -216,6 +221,16 @@ pub(crate) fn put(path: &Path, bytes: &[u8]) -> Result<(), WriteViewsError> {
     write_atomic(path, |out| out.write_all(bytes)).map_err(|e| WriteViewsError::new(path, e))
 }
 
+/// Removes what an earlier set of views left, if there is any.
+pub(crate) fn remove(stale: &Path) -> Result<(), WriteViewsError> {
+    match std::fs::remove_file(stale) {
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+            Err(WriteViewsError::new(stale, error))
+        }
+        _ => Ok(()),
+    }
+}
+
 /// Puts a view together: chooses the mask, composites the colour, brings all to one size.
 ///
 /// `file` is what the layout's mask file says, where there is one and it was asked for. `camera` is for the image's size.
@@ -228,7 +243,7 @@ pub(crate) fn assemble(
     options: &ReadOptions,
 ) -> Result<View, ReadViewsError> {
     let MaskFile { found, looked_for } = match &options.masks {
-        Some(folder) => mask_of_folder(folder, &image.path, image.is_stored, options)?,
+        Some(folder) => mask_of_folder(folder, &image, options)?,
         None => file,
     };
     let found = found.map(|found| mask_of_size(found, &image)).transpose()?;

@@ -46,6 +46,13 @@ pub(crate) fn mask_from_image(image: &ByteImage) -> ByteImage {
     })
 }
 
+/// The largest value of an image of a mask, alpha aside.
+pub(crate) fn brightest(image: &ByteImage) -> u8 {
+    let colors = if image.channels >= 3 { 3 } else { 1 };
+    let of = |pixel: &[u8]| pixel[..colors].iter().copied().max();
+    image.data.chunks_exact(image.channels).filter_map(of).max().unwrap_or(0)
+}
+
 /// Clears every part of the mask but the largest; the first found wins a tie.
 pub(crate) fn keep_largest_part(mask: &mut ByteImage) {
     let largest = Mask::at_least(mask, 1).largest_component();

@@ -86,7 +86,11 @@ fn mask_beside(path: &Path, options: &ReadOptions) -> Result<MaskFile, ReadViews
     if !options.reads_mask_files() || !folder.is_dir() {
         return Ok(MaskFile::default());
     }
-    mask_of_folder(&folder, path, false, options)
+    mask_of_folder(
+        &folder,
+        &ImageFile::new(path.to_owned(), mesh_core::ByteImage::default()),
+        options,
+    )
 }
 
 #[cfg(test)]

@@ -281,8 +281,8 @@ pub(crate) fn read_chosen(
         && options.mask != MaskSource::Whole
         && !views.is_empty()
     {
-        let expected = expected_of(layout.convention(), options);
-        consistency::check(path, &views, (poses, expected), &mut warnings)?;
+        let poses = (poses, taken_for(layout, options));
+        consistency::check(path, &views, poses, source.brightest().value(), &mut warnings)?;
     }
     Ok(Views { views, source: path.to_owned(), layout, warnings, test })
 }
@@ -362,17 +362,10 @@ fn unknown_to(layout: Layout, options: &ReadOptions) -> Option<&'static str> {
     said.filter(|_| layout.convention().is_none())
 }
 
-/// What the cameras of a layout were taken for, and what can be said where a file has others.
-fn expected_of(layout: Option<Convention>, options: &ReadOptions) -> String {
-    let Some((axes, poses)) = layout else { return "cameras that look at the object".into() };
-    let (axes, poses) = (options.axes.unwrap_or(axes), options.poses.unwrap_or(poses));
-    format!(
-        "camera axes {} and {} poses; where the file means others: axes {} (--axes), poses {} (--poses)",
-        axes.words(),
-        poses.name(),
-        axes.other().name(),
-        poses.other().name()
-    )
+/// What the cameras of a layout were taken for, where it has poses.
+fn taken_for(layout: Layout, options: &ReadOptions) -> Option<Convention> {
+    let (axes, poses) = layout.convention()?;
+    Some((options.axes.unwrap_or(axes), options.poses.unwrap_or(poses)))
 }
 
 /// The camera as the options say that it is meant, where it was read as the layout has it.

@@ -5,6 +5,8 @@ use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::{Component, Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU16, Ordering};
 
 use mesh_core::{Limits, OverLimit};
 use zip::ZipArchive;
@@ -30,6 +32,24 @@ pub(crate) struct Source {
     limits: Limits,
     /// Whether pixels are counted as they are stored, whatever EXIF says of how the camera was held.
     stored_pixels: bool,
+    /// The brightest value in files of masks.
+    brightest: Brightest,
+}
+
+/// The largest value that was found in files of masks so far, by any thread.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Brightest(Arc<AtomicU16>);
+
+impl Brightest {
+    pub(crate) fn note(&self, value: u8) {
+        // 0 is for none.
+        self.0.fetch_max(u16::from(value) + 1, Ordering::Relaxed);
+    }
+
+    /// None where no file was read.
+    pub(crate) fn value(&self) -> Option<u16> {
+        self.0.load(Ordering::Relaxed).checked_sub(1)
+    }
 }
 
 /// A source opened by one thread.
@@ -43,7 +63,8 @@ impl Source {
     pub(crate) fn folder(path: &Path) -> Self {
         let limits = Limits::default();
         let (path, prefix) = (path.to_owned(), String::new());
-        Self { path, prefix, entries: None, above: 0, limits, stored_pixels: false }
+        let (stored_pixels, brightest) = (false, Brightest::default());
+        Self { path, prefix, entries: None, above: 0, limits, stored_pixels, brightest }
     }
 
     /// A zip archive; its table of contents is read once, here.
@@ -58,7 +79,8 @@ impl Source {
         let prefix = common_folder(&names);
         let limits = Limits::default();
         let (path, entries) = (path.to_owned(), Some(names));
-        Ok(Self { path, prefix, entries, above: 0, limits, stored_pixels: false })
+        let (stored_pixels, brightest) = (false, Brightest::default());
+        Ok(Self { path, prefix, entries, above: 0, limits, stored_pixels, brightest })
     }
 
     /// The same folder, whose files may also lie so many folders above it: `../images/0.png`.
@@ -79,6 +101,16 @@ impl Source {
     /// Whether images are not turned as EXIF says.
     pub(crate) fn has_stored_pixels(&self) -> bool {
         self.stored_pixels
+    }
+
+    /// The same, which notes the values of masks there.
+    pub(crate) fn noting(self, brightest: Brightest) -> Self {
+        Self { brightest, ..self }
+    }
+
+    /// The brightest value in files of masks.
+    pub(crate) fn brightest(&self) -> &Brightest {
+        &self.brightest
     }
 
     /// Whether a name stays where names of this source may be. Absolute ones never do.
@@ -172,12 +204,10 @@ impl Source {
 
     /// Whether the file exists, is one (no pipe, no device), and lies where names may be.
     pub(crate) fn has(&self, name: &str) -> bool {
+        let name = self.placed(name);
         match &self.entries {
-            Some(entries) => entries.contains_key(&format!("{}{}", self.prefix, tidy(name))),
-            None => {
-                let name = self.placed(name);
-                self.is_inside(&name) && self.path.join(&*name).is_file()
-            }
+            Some(entries) => entries.contains_key(&format!("{}{name}", self.prefix)),
+            None => self.is_inside(&name) && self.path.join(&*name).is_file(),
         }
     }
 

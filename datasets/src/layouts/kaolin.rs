@@ -10,20 +10,22 @@ use mesh_core::{ByteImage, Camera, encode_depth, encode_png};
 use rayon::prelude::*;
 use serde_json::json;
 
-use crate::assemble::{ImageFile, assemble, check_shape, put, read_image_file};
+use crate::assemble::{ImageFile, assemble, check_shape, put, read_image_file, remove};
 use crate::depth::{self, Unit};
 use crate::error::{ReadViewsError, WriteViewsError};
 use crate::formats::json::{Node, parse};
 use crate::formats::npy;
 use crate::options::{MaskSource, ReadOptions};
 use crate::read::{Pending, Reading};
-use crate::source::{Opened, Source};
+use crate::source::{Opened, Source, names_of};
 use crate::view::{Layout, View};
 use crate::wanted::Wanted;
 
 const COLOR: &str = "_rgb.png";
 const MASK: &str = "_semantic.npy";
 const CAMERA: &str = "_metadata.json";
+/// Ours, and kaolin's own.
+const DEPTHS: [&str; 2] = ["_depth.exr", "_depth_linear.npy"];
 /// Width of the sensor that is written, millimetres: the one of kaolin's own samples.
 const APERTURE: f64 = 20.955;
 /// Where the object lies in the scene: as it is.
@@ -127,7 +129,7 @@ fn read_view(
     } else {
         None
     };
-    let depths = ["_depth.exr", "_depth_linear.npy"].map(|end| format!("{stem}{end}"));
+    let depths = DEPTHS.map(|end| format!("{stem}{end}"));
     let depth = depth::read(opened, &depths, Unit::OfIntegers(1.0), options)?;
     assemble(stem.to_owned(), image, mask.into(), camera, depth, options)
 }
@@ -183,7 +185,8 @@ fn read_mask(
 /// Writes views in kaolin's layout into a folder, which is made where it does not exist.
 ///
 /// Files of the same name are replaced, each atomically. Views are numbered from 0 in their
-/// order; depth, where there is one, becomes `{i}_depth.exr`.
+/// order; depth, where there is one, becomes `{i}_depth.exr`. What would be read beside them is removed: views of higher numbers, and
+/// depth of views that have none now.
 ///
 /// # Errors
 /// If a file cannot be written, or a camera cannot be said in this layout: parallel rays, pixels
@@ -195,7 +198,21 @@ pub fn write_kaolin(views: &[View], folder: &Path) -> Result<(), WriteViewsError
         .enumerate()
         .map(|(i, view)| write_view(view, &folder.join(i.to_string())))
         .collect();
-    results.into_iter().collect()
+    results.into_iter().collect::<Result<(), _>>()?;
+    remove_stale(views.len(), folder)
+}
+
+/// Removes the views of an earlier set of more, whose numbers go on behind the last one.
+fn remove_stale(count: usize, folder: &Path) -> Result<(), WriteViewsError> {
+    for name in names_of(folder).map_err(|e| WriteViewsError::new(folder, e))? {
+        let Some((number, text)) = index_of(&name) else { continue };
+        if number >= count as u64 && text == number.to_string() {
+            for end in [COLOR, MASK, CAMERA].into_iter().chain(DEPTHS) {
+                remove(&folder.join(format!("{text}{end}")))?;
+            }
+        }
+    }
+    Ok(())
 }
 
 fn write_view(view: &View, stem: &Path) -> Result<(), WriteViewsError> {
@@ -226,7 +243,9 @@ fn write_view(view: &View, stem: &Path) -> Result<(), WriteViewsError> {
         .map_err(|e| WriteViewsError::new(&mask_path, e))?;
     put(&mask_path, &labels)?;
     if let Some(depth) = &view.depth {
-        put(&file("_depth.exr"), &encode_depth(depth))?;
+        put(&file(DEPTHS[0]), &encode_depth(depth))?;
+    } else {
+        DEPTHS.iter().try_for_each(|end| remove(&file(end)))?;
     }
     put(&metadata_path, metadata.to_string().as_bytes())
 }

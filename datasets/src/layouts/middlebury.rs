@@ -187,7 +187,7 @@ mod tests {
         let folder = folder(&format!("1\n{skewed}\n"));
         let read = |undistort: bool| {
             let mask = crate::MaskSource::Whole;
-            let options = ReadOptions { undistort, mask, ..ReadOptions::default() };
+            let options = ReadOptions { mask, undistort, ..ReadOptions::default() };
             read_views(folder.path(), &options, &|_, _| ()).unwrap().warnings.join(" ")
         };
         assert!(read(true).contains("undone") && read(true).contains("skew"), "{}", read(true));

@@ -3,7 +3,7 @@
 use std::io::Write as _;
 
 use crate::common::{ball, edit_json, kaolin_folder, read, transforms_folder};
-use datasets::{ReadOptions, read_views};
+use datasets::{ColmapForm, ReadOptions, read_views, write_colmap};
 use mesh_core::write_png;
 
 /// kaolin's `import_synthetic_view` takes `asset_transforms[0][1]`.
@@ -103,4 +103,67 @@ fn names_that_windows_wrote_are_found() {
         value["frames"][0]["file_path"] = "..\\..\\..\\0.png".into();
     });
     assert!(read(folder.path()).unwrap_err().to_string().contains("lies outside"));
+}
+
+#[test]
+fn masks_of_labels_say_what_they_hold() {
+    let folder = transforms_folder(3);
+    let masks = tempfile::tempdir().unwrap();
+    for (i, view) in ball(3).iter().enumerate() {
+        let mut labels = view.mask.clone();
+        labels
+            .data
+            .iter_mut()
+            .enumerate()
+            .for_each(|(k, m)| *m = if *m > 0 { 7 } else { k as u8 % 3 });
+        write_png(folder.path().join(format!("masks/{i:04}.png")), &labels).unwrap();
+        write_png(masks.path().join(format!("{i:04}.png")), &labels).unwrap();
+    }
+    let apart = ReadOptions { masks: Some(masks.path().into()), ..ReadOptions::default() };
+    for options in [ReadOptions::default(), apart] {
+        let error = read_views(folder.path(), &options, &|_, _| {}).unwrap_err().to_string();
+        assert!(error.contains("largest value in their files is 7"), "{error}");
+    }
+}
+
+#[test]
+fn larger_models_of_colmap_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    write_colmap(&ball(5), folder.path(), ColmapForm::Binary).unwrap();
+    std::fs::rename(folder.path().join("sparse/0"), folder.path().join("sparse/2")).unwrap();
+    write_colmap(&ball(2), folder.path(), ColmapForm::Text).unwrap();
+    std::fs::create_dir(folder.path().join("sparse/1")).unwrap();
+    std::fs::write(folder.path().join("sparse/1/images.bin"), b"damaged").unwrap();
+    let views = read(folder.path()).unwrap();
+    assert_eq!(views.len(), 2);
+    let warning = views.warnings.join(" ");
+    assert!(warning.contains("sparse/2 has a model of 5 images, sparse/0 of 2"), "{warning}");
+    assert_eq!(read(&folder.path().join("sparse/2")).unwrap().len(), 5);
+    // The first is the largest as a rule.
+    write_colmap(&ball(5), folder.path(), ColmapForm::Binary).unwrap();
+    assert!(read(folder.path()).unwrap().warnings.is_empty());
+}
+
+#[test]
+fn what_is_written_over_does_not_shine_through() {
+    let without_depth = |count: usize| {
+        let mut views = ball(count);
+        for view in &mut views {
+            view.depth = None;
+        }
+        views
+    };
+    let options = ReadOptions { depth: true, ..ReadOptions::default() };
+    let folder = kaolin_folder(5);
+    let stranger = folder.path().join("12_notes.txt");
+    std::fs::write(&stranger, b"not ours").unwrap();
+    datasets::write_kaolin(&without_depth(3), folder.path()).unwrap();
+    let views = read_views(folder.path(), &options, &|_, _| {}).unwrap().views;
+    assert!(views.len() == 3 && views.iter().all(|view| view.depth.is_none()));
+    assert!(stranger.exists() && !folder.path().join("4_depth.exr").exists());
+    let folder = tempfile::tempdir().unwrap();
+    write_colmap(&ball(3), folder.path(), ColmapForm::Binary).unwrap();
+    write_colmap(&without_depth(3), folder.path(), ColmapForm::Binary).unwrap();
+    let views = read_views(folder.path(), &options, &|_, _| {}).unwrap().views;
+    assert!(views.iter().all(|view| view.depth.is_none()));
 }
