@@ -3,15 +3,15 @@
 use std::path::{Path, PathBuf};
 
 use mesh_core::io::write_atomic;
-use mesh_core::{ByteImage, Camera, DepthMap, decode_image_with, encode_depth, encode_png};
+use mesh_core::{ByteImage, Camera, DepthMap, StoredImage, encode_depth, encode_png};
 
 use crate::backdrop::Backdrop;
 use crate::error::{ReadViewsError, ViewsProblem, WriteViewsError};
-use crate::mask::{clean_mask, invert, mask_from_alpha};
+use crate::mask::{brightest, clean_mask, invert, mask_from_alpha};
 use crate::mask_file::{MaskFile, mask_of_folder};
 use crate::natural;
 use crate::options::{MaskSource, ReadOptions};
-use crate::source::{Opened, Source};
+use crate::source::{Brightest, Opened, Source};
 use crate::view::View;
 
 /// No image of a view may be a larger file than this.
@@ -21,9 +21,22 @@ pub(crate) const IMAGE_BYTES: u64 = 1 << 28;
 pub(crate) struct ImageFile {
     pub(crate) path: PathBuf,
     pub(crate) pixels: ByteImage,
+    /// Whether the pixels are as they are stored, whatever EXIF says of them.
+    pub(crate) is_stored: bool,
+    /// Whether the EXIF orientation makes columns of the stored rows.
+    pub(crate) is_lying: bool,
+    /// Where values of masks are noted.
+    pub(crate) brightest: Brightest,
 }
 
-/// Reads and decodes an image.
+impl ImageFile {
+    /// Pixels of a file that has no orientation.
+    pub(crate) fn new(path: PathBuf, pixels: ByteImage) -> Self {
+        Self { path, pixels, is_stored: false, is_lying: false, brightest: Brightest::default() }
+    }
+}
+
+/// Reads and decodes an image, turned upright where the source's pixels are not counted as they are stored.
 pub(crate) fn read_image_file(
     opened: &mut Opened<'_>,
     name: &str,
@@ -31,9 +44,31 @@ pub(crate) fn read_image_file(
 ) -> Result<ImageFile, ReadViewsError> {
     let path = opened.source().locate(name);
     let bytes = opened.read(name, field, IMAGE_BYTES)?;
-    let pixels = decode_image_with(&bytes, &path, opened.limits())
-        .map_err(|error| ReadViewsError::new(&path, error))?;
-    Ok(ImageFile { path, pixels })
+    let image = decoded(&bytes, &path, opened)?;
+    let (is_stored, is_lying) = (opened.source().has_stored_pixels(), image.is_lying());
+    let image = if is_stored { image } else { image.upright() };
+    let brightest = opened.source().brightest().clone();
+    Ok(ImageFile { path, pixels: image.into_bytes(), is_stored, is_lying, brightest })
+}
+
+/// Reads and decodes an image whose numbers may be labels, else like [`read_image_file`].
+pub(crate) fn read_labels(
+    opened: &mut Opened<'_>,
+    name: &str,
+    field: &str,
+) -> Result<(PathBuf, ByteImage), ReadViewsError> {
+    let path = opened.source().locate(name);
+    let bytes = opened.read(name, field, IMAGE_BYTES)?;
+    let image = decoded(&bytes, &path, opened)?;
+    let image = if opened.source().has_stored_pixels() { image } else { image.upright() };
+    let image = image.into_labels();
+    opened.source().brightest().note(brightest(&image));
+    Ok((path, image))
+}
+
+fn decoded(bytes: &[u8], path: &Path, opened: &Opened<'_>) -> Result<StoredImage, ReadViewsError> {
+    StoredImage::decode(bytes, path, opened.limits())
+        .map_err(|error| ReadViewsError::new(path, error))
 }
 
 /// A file's name without its extension, with its folders.
@@ -93,7 +128,15 @@ pub(crate) fn check_shape(
     if is_same_shape([w, h], [width, height]) {
         return Ok(());
     }
-    let expected = format!("the shape of {}, {width}x{height}", image.path.display());
+    let mut expected = format!("the shape of {}, {width}x{height}", image.path.display());
+    // The other reading of the orientation would do, and is not what the layout says.
+    if image.is_lying && is_same_shape([w, h], [height, width]) {
+        expected += if image.is_stored {
+            "; turned as its EXIF orientation says it would fit: COLMAP counts stored pixels, so turn these (magick mogrify -auto-orient)"
+        } else {
+            ", turned as its EXIF orientation says; as it is stored it would fit: remove the tag (exiftool -Orientation= FILE)"
+        };
+    }
     Err(ReadViewsError::field(file, field, format!("{w}x{h}"), expected))
 }
 
@@ -123,6 +166,25 @@ fn mask_of_size(
     Ok(mask)
 }
 
+/// The depth at the size of its image, each pixel from the nearest: sensors and networks have fewer pixels than cameras.
+///
+/// # Errors
+/// If neither can be a resized copy of the other.
+fn depth_of_size(
+    (at, depth): (PathBuf, DepthMap),
+    image: &ImageFile,
+) -> Result<DepthMap, ReadViewsError> {
+    let (of_depth, of_image) =
+        ([depth.width, depth.height], [image.pixels.width, image.pixels.height]);
+    if of_depth == of_image {
+        return Ok(depth);
+    }
+    if depth.data.is_empty() || !is_same_shape(of_depth.max(of_image), of_depth.min(of_image)) {
+        return Err(of_another_size(&at, "depth size", of_depth, image));
+    }
+    Ok(depth.resized(image.pixels.height, image.pixels.width))
+}
+
 /// The error of a file that has not the size of its image.
 fn of_another_size(
     at: &Path,
@@ -131,7 +193,7 @@ fn of_another_size(
     image: &ImageFile,
 ) -> ReadViewsError {
     let ByteImage { width, height, .. } = image.pixels;
-    let expected = format!("{width}x{height}, the size of {}", image.path.display());
+    let expected = format!("the shape of {}, {width}x{height}", image.path.display());
     ReadViewsError::field(at, field, format!("{w}x{h}"), expected)
 }
 
@@ -159,6 +221,16 @@ pub(crate) fn put(path: &Path, bytes: &[u8]) -> Result<(), WriteViewsError> {
     write_atomic(path, |out| out.write_all(bytes)).map_err(|e| WriteViewsError::new(path, e))
 }
 
+/// Removes what an earlier set of views left, if there is any.
+pub(crate) fn remove(stale: &Path) -> Result<(), WriteViewsError> {
+    match std::fs::remove_file(stale) {
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+            Err(WriteViewsError::new(stale, error))
+        }
+        _ => Ok(()),
+    }
+}
+
 /// Puts a view together: chooses the mask, composites the colour, brings all to one size.
 ///
 /// `file` is what the layout's mask file says, where there is one and it was asked for. `camera` is for the image's size.
@@ -171,17 +243,12 @@ pub(crate) fn assemble(
     options: &ReadOptions,
 ) -> Result<View, ReadViewsError> {
     let MaskFile { found, looked_for } = match &options.masks {
-        Some(folder) => mask_of_folder(folder, &image.path, options)?,
+        Some(folder) => mask_of_folder(folder, &image, options)?,
         None => file,
     };
     let found = found.map(|found| mask_of_size(found, &image)).transpose()?;
-    if let Some((at, depth)) = &depth {
-        let size = [depth.width, depth.height];
-        if size != [image.pixels.width, image.pixels.height] {
-            return Err(of_another_size(at, "depth size", size, &image));
-        }
-    }
-    let ImageFile { path, pixels: image } = image;
+    let depth = depth.map(|depth| depth_of_size(depth, &image)).transpose()?;
+    let ImageFile { path, pixels: image, .. } = image;
     let color = image.over(options.background);
     let looked_for = MaskFile { found: None, looked_for }.looked_for();
     let no_mask = || {
@@ -210,7 +277,7 @@ pub(crate) fn assemble(
         invert(&mut mask);
     }
     clean_mask(&mut mask, options);
-    let view = View { name, color, mask, camera, depth: depth.map(|(_, depth)| depth), crop: None };
+    let view = View { name, color, mask, camera, depth, crop: None };
     Ok(match options.max_size {
         Some(longest) => view.at_most(longest),
         None => view,

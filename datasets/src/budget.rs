@@ -11,7 +11,7 @@ use crate::options::ReadOptions;
 use crate::read::Reader;
 use crate::view::View;
 
-/// Views of which so few are read that their memory is not judged by the first of them.
+/// Views of which so few are read that their memory is not judged by the first of them, unless they may be averaged down.
 const FEW: usize = 16;
 
 /// Views that tell how much is kept where that is only what is around the object: more than one, since objects are nearer here than
@@ -22,10 +22,11 @@ const SAMPLED: usize = 8;
 const ROUNDED: f64 = 5.0;
 
 impl Reader<'_, '_> {
-    /// The first view, all of it, where there are so many that their memory is judged by it. One that cannot be read is spoken of where
+    /// The first view, all of it, where there are so many that their memory is judged by it, or they may be averaged down. One that cannot be read is spoken of where
     /// all are.
     pub(crate) fn judged(&self) -> Result<Option<View>, ReadViewsError> {
-        if self.chosen.len() < FEW {
+        let are_few = self.chosen.len() < FEW && !self.options.shrink_to_limit;
+        if self.chosen.is_empty() || are_few {
             return Ok(None);
         }
         Ok(self.whole(0, &mut self.source.open()?).ok())
@@ -68,9 +69,10 @@ impl Reader<'_, '_> {
     fn sample(&self, first: &View) -> Vec<KeptSize> {
         let last = self.chosen.len() - 1;
         let kept = |view: View| KeptSize::of(&self.kept(view));
-        let others = (1..SAMPLED).into_par_iter().filter_map(|k| {
+        let count = SAMPLED.min(self.chosen.len());
+        let others = (1..count).into_par_iter().filter_map(|k| {
             let mut opened = self.source.open().ok()?;
-            self.whole(k * last / (SAMPLED - 1), &mut opened).ok().map(kept)
+            self.whole(k * last / (count - 1), &mut opened).ok().map(kept)
         });
         let mut sample: Vec<KeptSize> = others.collect();
         sample.push(kept(first.clone()));
@@ -129,7 +131,7 @@ mod tests {
 
     use super::*;
     use crate::options::OnInconsistent;
-    use crate::read::{Reading, read_pending};
+    use crate::read::{Pending, Reading, read_pending};
     use crate::source::Source;
     use crate::view::{Layout, Views};
 
@@ -153,12 +155,16 @@ mod tests {
 
     /// What is read within so much memory, and how often a view was.
     fn read(options: &ReadOptions) -> (Result<Views, ReadViewsError>, usize) {
+        read_of(COUNT as usize, options)
+    }
+
+    fn read_of(count: usize, options: &ReadOptions) -> (Result<Views, ReadViewsError>, usize) {
         let (place, reads) = (tempfile::tempdir().unwrap(), AtomicUsize::new(0));
         let source = Source::folder(place.path());
         let mut reading = Reading::new(Layout::Transforms, "poses");
-        for k in 0..COUNT as usize {
+        for k in 0..count {
             let reads = &reads;
-            reading.pending.push(Box::new(move |_| {
+            reading.pending.push(Pending::new(k.to_string(), move |_| {
                 reads.fetch_add(1, Ordering::Relaxed);
                 Ok(view(k))
             }));
@@ -183,6 +189,38 @@ mod tests {
         );
         // Refused by the first.
         assert_eq!(read(&ReadOptions { memory_limit: WHOLE, ..all }).1, 1);
+    }
+
+    #[test]
+    fn few_views_are_averaged_down_too() {
+        for count in [1, 2, 15] {
+            let limit = count as u64 * WHOLE / 3;
+            let options = ReadOptions { memory_limit: limit, ..ReadOptions::default() };
+            assert!(read_of(count, &options).0.is_err());
+            for margin in [None, Some(3.0)] {
+                let options = ReadOptions { shrink_to_limit: true, margin, ..options.clone() };
+                let views = read_of(count, &options).0.unwrap();
+                assert!(views.len() == count && views.bytes() as u64 <= limit);
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_not_wanted_is_neither_read_nor_counted() {
+        let only = ["3", "20"].map(String::from).to_vec();
+        let two = ReadOptions { memory_limit: 2 * WHOLE, ..ReadOptions::default() };
+        let (views, reads) = read(&ReadOptions { only: Some(only), ..two.clone() });
+        assert_eq!((views.unwrap().len(), reads), (2, 2));
+        let except = (2..COUNT).map(|k| k.to_string()).collect();
+        let (views, reads) = read(&ReadOptions { except, ..two.clone() });
+        assert_eq!((views.unwrap().len(), reads), (2, 2));
+        // Names that mean nothing, and nothing that is left.
+        for only in [vec!["99".to_owned()], vec![]] {
+            assert!(read(&ReadOptions { only: Some(only), ..two.clone() }).0.is_err());
+        }
+        let except = (0..COUNT).map(|k| k.to_string()).collect();
+        let error = read(&ReadOptions { except, ..two }).0.unwrap_err().to_string();
+        assert!(error.contains("all left out"), "{error}");
     }
 
     #[test]

@@ -4,14 +4,17 @@ use std::path::Path;
 
 use mesh_core::Ray;
 
+use crate::convention::Convention;
 use crate::error::{ReadViewsError, ViewsProblem};
 use crate::view::View;
 
-/// Refuses views in which nothing is to be seen, and says what looks wrong in some.
+/// Refuses views in which nothing is to be seen, and says what looks wrong in some. `convention` is what the poses are taken for, for
+/// messages, as `poses` is the field that holds them; `brightest` is the largest value in files of masks.
 pub(crate) fn check(
     path: &Path,
     views: &[View],
-    poses: &str,
+    (poses, convention): (&str, Option<Convention>),
+    brightest: Option<u16>,
     warnings: &mut Vec<String>,
 ) -> Result<(), ReadViewsError> {
     let share = |view: &View| {
@@ -21,7 +24,13 @@ pub(crate) fn check(
     let shares: Vec<f64> = views.iter().map(share).collect();
     let empty = names(views, |i| shares[i] == 0.0);
     if empty.len() == views.len() {
-        let remedy = "choose another mask source, or invert the masks".to_owned();
+        let mut remedy = "choose another mask source, or invert the masks".to_owned();
+        // Above that the alpha or the options have taken the object away.
+        if let Some(value) = brightest.filter(|&value| value < 128) {
+            remedy = format!(
+                "{remedy}; the largest value in their files is {value}, and object is from 128 on, or 1 beside 0 alone"
+            );
+        }
         let problem = ViewsProblem::EmptyMasks { views: views.len(), remedy };
         return Err(ReadViewsError::new(path, problem));
     }
@@ -41,6 +50,7 @@ pub(crate) fn check(
             wrong: strays.len(),
             views: views.len(),
             first: views[strays[0]].name.clone(),
+            convention,
         };
         return Err(ReadViewsError::new(path, problem));
     }

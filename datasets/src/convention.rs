@@ -45,6 +45,14 @@ impl CameraAxes {
         }
     }
 
+    /// What they are, in words.
+    pub(crate) fn words(self) -> &'static str {
+        match self {
+            Self::OpenCv => "x right, y down, looking along +z",
+            Self::OpenGl => "x right, y up, looking along -z",
+        }
+    }
+
     /// From the axes of [`Camera`], which are OpenGL's, to these, and back.
     fn matrix(self) -> Matrix3<f64> {
         match self {

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use mesh_core::{ByteImage, DepthMap, decode_depth_png_with, decode_depth_with};
 
+use crate::assemble::IMAGE_BYTES;
 use crate::error::ReadViewsError;
 use crate::formats::npy;
 use crate::options::ReadOptions;
@@ -27,14 +28,13 @@ impl Unit {
     }
 }
 
-/// Reads planar depth from the first of `names` that exists, EXR, npy or PNG, the last of which has whole numbers.
+/// Reads planar depth from the first of `names` that exists, EXR, npy or PNG. Numbers are whole in PNG, and in npy where its type says so.
 ///
 /// What is not finite, not positive or at least 1e9 is background: `+inf`.
 pub(crate) fn read(
     opened: &mut Opened<'_>,
     names: &[String],
     unit: Unit,
-    image: &ByteImage,
     options: &ReadOptions,
 ) -> Result<Option<(PathBuf, DepthMap)>, ReadViewsError> {
     let source = opened.source();
@@ -45,24 +45,31 @@ pub(crate) fn read(
         let extension = std::path::Path::new(name).extension();
         extension.is_some_and(|extension| extension.eq_ignore_ascii_case(wanted))
     };
-    let unit = unit.of(ends_in("png"));
-    let mut depth = if ends_in("png") {
-        let bytes = opened.read(name, "depth", most_bytes(image))?;
-        decode_depth_png_with(&bytes, &path, unit, opened.limits())
-            .map_err(|error| ReadViewsError::new(&path, error))?
+    let (mut depth, unit) = if ends_in("png") {
+        let unit = unit.of(true);
+        let bytes = opened.read(name, "depth", IMAGE_BYTES)?;
+        let depth = decode_depth_png_with(&bytes, &path, unit, opened.limits())
+            .map_err(|error| ReadViewsError::new(&path, error))?;
+        (depth, 1.0)
     } else if ends_in("exr") {
-        let bytes = opened.read(name, "depth", most_bytes(image))?;
-        decode_depth_with(&bytes, &path, opened.limits())
-            .map_err(|error| ReadViewsError::new(&path, error))?
+        let bytes = opened.read(name, "depth", IMAGE_BYTES)?;
+        let depth = decode_depth_with(&bytes, &path, opened.limits())
+            .map_err(|error| ReadViewsError::new(&path, error))?;
+        (depth, unit.of(false))
     } else {
-        let data = read_npy(opened, name, "depth", image)?;
-        DepthMap { height: image.height, width: image.width, data }
+        let bytes = opened.read(name, "depth", IMAGE_BYTES)?;
+        let wrong = |e: npy::NpyError| {
+            ReadViewsError::field(&path, format!("depth {}", e.field), e.found, e.expected)
+        };
+        let npy::NpyImage { size: [height, width], data, is_whole } =
+            npy::read_image(&bytes).map_err(wrong)?;
+        (DepthMap { height, width, data }, unit.of(is_whole))
     };
     for d in &mut depth.data {
-        if !(*d > 0.0 && *d < 1e9) {
-            *d = f32::INFINITY;
-        } else if !ends_in("png") {
+        if *d > 0.0 && *d < 1e9 {
             *d *= unit;
+        } else {
+            *d = f32::INFINITY;
         }
     }
     Ok(Some((path, depth)))

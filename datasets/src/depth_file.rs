@@ -69,6 +69,7 @@ fn numbers(path: &Path) -> Result<([usize; 2], Vec<f32>), ReadViewsError> {
         "npy" => {
             let bytes = read_file(path, "depth", MOST_BYTES)?;
             npy::read_image(&bytes)
+                .map(|image| (image.size, image.data))
                 .map_err(|e| ReadViewsError::field(path, e.field, e.found, e.expected))
         }
         other => {

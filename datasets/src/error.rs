@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::convention::Convention;
+
 /// What can be done about a view whose file is missing.
 const REMEDY: &str = "put it back, or leave such views out (allow missing: --allow-missing)";
 
@@ -139,7 +141,8 @@ pub enum ViewsProblem {
     /// The cameras do not look at what the masks show.
     #[error(
         "field `{field}`: {wrong} of {views} cameras do not see the point where their masks meet, \
-         the first is view {first}; expected camera axes x right, y up, looking along -z"
+         the first is view {first}; expected {}",
+        meant(*convention)
     )]
     SeesNothing {
         /// The field that holds the poses.
@@ -150,6 +153,8 @@ pub enum ViewsProblem {
         views: usize,
         /// The name of the first of them.
         first: String,
+        /// What the poses were taken for, where the layout has any.
+        convention: Option<Convention>,
     },
 }
 
@@ -234,6 +239,18 @@ impl ReadViewsError {
             _ => None,
         }
     }
+}
+
+/// What cameras should be, and what can be said where a file means others.
+fn meant(convention: Option<Convention>) -> String {
+    let Some((axes, poses)) = convention else { return "cameras that look at the object".into() };
+    format!(
+        "camera axes {} and {} poses; where the file means others: axes {} (--axes), poses {} (--poses)",
+        axes.words(),
+        poses.name(),
+        axes.other().name(),
+        poses.other().name()
+    )
 }
 
 fn no_mask(looked_for: Option<&str>) -> String {

@@ -64,8 +64,7 @@
 //!
 //! What a file makes its reader take is held to [`mesh_core::Limits`], 256 MB and 20 bytes for each of
 //! its own by default: a denser content is refused with what it would have taken. Images are held
-//! to a number of pixels by their header, arrays of depth and masks to the images that they belong
-//! to, and an archive's entry to half of what its stored bytes may take.
+//! to a number of pixels by their header, arrays of masks to the images that they belong to, files of depth to 256 MB, and an archive's entry to half of what its stored bytes may take.
 //!
 //! Files name others. Of those only regular files are opened, no pipes and no devices, and only below
 //! the folder that was opened: never by an absolute name, nor by a `..` that leads out of it. The

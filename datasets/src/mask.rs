@@ -21,18 +21,36 @@ pub fn mask_from_alpha(image: &ByteImage) -> Option<ByteImage> {
 }
 
 /// A mask from an image file: the alpha where it says something, else the grey value, above half of white. An image of 0 and 1 alone is
-/// one of labels.
+/// one of labels; where no grey is so bright, the brightest channel counts, as in masks of pure red on black.
 pub(crate) fn mask_from_image(image: &ByteImage) -> ByteImage {
     mask_from_alpha(image).unwrap_or_else(|| {
         let c = image.channels;
         let gray = |p: &[u8]| {
             if c >= 3 { (p[0] as u16 + p[1] as u16 + p[2] as u16) / 3 } else { p[0] as u16 }
         };
-        let pixels = || image.data.chunks_exact(c).map(gray);
-        let least = if pixels().max() == Some(1) { 1 } else { 128 };
-        let data = pixels().map(|p| if p >= least { 255 } else { 0 }).collect();
+        let brightest = |p: &[u8]| {
+            u16::from(p[..if c >= 3 { 3 } else { 1 }].iter().copied().max().unwrap_or(0))
+        };
+        let pixels = || image.data.chunks_exact(c);
+        let parts = |of: &dyn Fn(&[u8]) -> u16, least: u16| {
+            let object = pixels().filter(|p| of(p) >= least).count();
+            object > 0 && object < image.height * image.width
+        };
+        let least = if pixels().map(brightest).max() == Some(1) { 1 } else { 128 };
+        let is_bright = pixels().any(|p| gray(p) >= least);
+        // A picture that is coloured all over parts nothing.
+        let of: &dyn Fn(&[u8]) -> u16 =
+            if !is_bright && parts(&brightest, least) { &brightest } else { &gray };
+        let data = pixels().map(|p| if of(p) >= least { 255 } else { 0 }).collect();
         ByteImage { height: image.height, width: image.width, channels: 1, data }
     })
+}
+
+/// The largest value of an image of a mask, alpha aside.
+pub(crate) fn brightest(image: &ByteImage) -> u8 {
+    let colors = if image.channels >= 3 { 3 } else { 1 };
+    let of = |pixel: &[u8]| pixel[..colors].iter().copied().max();
+    image.data.chunks_exact(image.channels).filter_map(of).max().unwrap_or(0)
 }
 
 /// Clears every part of the mask but the largest; the first found wins a tie.
@@ -94,6 +112,14 @@ pub(crate) mod tests {
         assert_eq!(of(vec![0, 1, 0]), [0, 255, 0]);
         assert_eq!(of(vec![0, 1, 2]), [0; 3]);
         assert_eq!(of(vec![1, 127, 128]), [0, 0, 255]);
+        let colored = |data: Vec<u8>| {
+            mask_from_image(&ByteImage { height: 1, width: 2, channels: 3, data }).data
+        };
+        assert_eq!(colored(vec![0, 0, 0, 255, 0, 0]), [0, 255]);
+        assert_eq!(colored(vec![0, 0, 0, 1, 0, 0]), [0, 255]);
+        // White is the object before a colour, and a colour alone is the background.
+        assert_eq!(colored(vec![0, 0, 255, 255, 255, 255]), [0, 255]);
+        assert_eq!(colored(vec![0, 0, 255, 0, 0, 255]), [0, 0]);
     }
 
     #[test]

@@ -4,7 +4,7 @@ use std::path::{Component, Path, PathBuf};
 
 use mesh_core::ByteImage;
 
-use crate::assemble::{ImageFile, plain_stem, read_image_file, without_extension};
+use crate::assemble::{ImageFile, plain_stem, read_labels, without_extension};
 use crate::error::ReadViewsError;
 use crate::mask::mask_from_image;
 use crate::options::ReadOptions;
@@ -115,16 +115,17 @@ pub(crate) fn named_mask(
     if !options.reads_mask_files() {
         return Ok(MaskFile::default());
     }
-    let ImageFile { path, pixels: image } = read_image_file(opened, name, "mask")?;
+    let (path, image) = read_labels(opened, name, "mask")?;
     Ok(Some((path, mask_from_image(&image))).into())
 }
 
-/// The mask of the image at `path` from a folder that the user named.
+/// The mask of an image from a folder that the user named.
 pub(crate) fn mask_of_folder(
     folder: &Path,
-    path: &Path,
+    image: &ImageFile,
     options: &ReadOptions,
 ) -> Result<MaskFile, ReadViewsError> {
+    let path = image.path.as_path();
     if !folder.exists() {
         let expected = "a folder with a mask for each image";
         return Err(ReadViewsError::field(folder, "masks", "nothing at this path", expected));
@@ -135,10 +136,11 @@ pub(crate) fn mask_of_folder(
     });
     let parts: Vec<&str> = parts.collect();
     let names = mask_names("", &parts.join("/"));
-    let source = Source::folder(folder).within(options.limits);
+    let source = Source::folder(folder).within(options.limits).noting(image.brightest.clone());
+    let source = if image.is_stored { source.with_stored_pixels() } else { source };
     let mut opened = source.open()?;
     if let Some(name) = names.iter().find(|name| source.has(name)) {
-        let ImageFile { path, pixels: image } = read_image_file(&mut opened, name, "mask")?;
+        let (path, image) = read_labels(&mut opened, name, "mask")?;
         return Ok(Some((path, mask_from_image(&image))).into());
     }
     let stem = path.to_string_lossy();
@@ -157,7 +159,7 @@ mod tests {
     fn a_folder_of_masks_that_is_not_there_is_named() {
         let error = mask_of_folder(
             Path::new("no/such/folder"),
-            Path::new("0.png"),
+            &ImageFile::new("0.png".into(), ByteImage::default()),
             &ReadOptions::default(),
         );
         let text = error.err().map(|error| error.to_string()).unwrap_or_default();
@@ -193,15 +195,16 @@ mod tests {
     fn a_folder_is_named_with_what_was_looked_for() {
         let folder = tempfile::tempdir().unwrap();
         let options = ReadOptions::default();
-        let path = Path::new("/somewhere/images/view 7.jpg");
-        let missing = mask_of_folder(folder.path(), path, &options).unwrap();
+        let path = "/somewhere/images/view 7.jpg".into();
+        let image = ImageFile::new(path, ByteImage::default());
+        let missing = mask_of_folder(folder.path(), &image, &options).unwrap();
         assert!(missing.found.is_none());
         let words = missing.looked_for().unwrap();
         let place = folder.path().display().to_string();
         assert!(words.starts_with(&place) && words.contains("view 7.png"), "{words}");
         let mask = ByteImage { height: 1, width: 2, channels: 1, data: vec![0, 200] };
         mesh_core::write_png(folder.path().join("view 7_mask.png"), &mask).unwrap();
-        let (found, mask) = mask_of_folder(folder.path(), path, &options).unwrap().found.unwrap();
+        let (found, mask) = mask_of_folder(folder.path(), &image, &options).unwrap().found.unwrap();
         assert!(found.ends_with("view 7_mask.png") && mask.data == [0, 255]);
     }
 }

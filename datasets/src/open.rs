@@ -87,7 +87,7 @@ const MANY: [Many; 8] = [
 /// open. `path` is what was opened, for messages.
 ///
 /// # Errors
-/// If there is no such object, or several and none is wanted.
+/// If there is no such object, or several and none is wanted, or several have the name.
 pub fn choose(
     path: &Path,
     entries: &[Entry],
@@ -106,12 +106,24 @@ pub fn choose(
         let expected = format!("the name of one of them: {}", some(8));
         return Err(ReadViewsError::field(path, "object", found, expected));
     };
-    entries.iter().position(|entry| entry.name == wanted || entry.full_name() == wanted).ok_or_else(
-        || {
-            let expected = format!("one of the {}: {}", entries.len(), some(8));
-            ReadViewsError::field(path, "object", format!("{wanted:?}"), expected)
-        },
-    )
+    // A full name means one alone, also where it is the bare name of another.
+    if let Some(object) = entries.iter().position(|entry| entry.full_name() == wanted) {
+        return Ok(object);
+    }
+    let mut named = (0..entries.len()).filter(|&i| entries[i].name == wanted);
+    let error = |found: String, expected: String| {
+        Err(ReadViewsError::field(path, "object", found, expected))
+    };
+    let Some(first) = named.next() else {
+        let expected = format!("one of the {}: {}", entries.len(), some(8));
+        return error(format!("{wanted:?}"), expected);
+    };
+    let others: Vec<String> = named.take(8).map(|i| entries[i].full_name()).collect();
+    if others.is_empty() {
+        return Ok(first);
+    }
+    let found = format!("{wanted:?}, which several have");
+    error(found, format!("one of {}, {}", entries[first].full_name(), others.join(", ")))
 }
 
 /// Folders that are looked into for views of their own.
@@ -164,7 +176,9 @@ mod tests {
         let entries = [entry("car", "a"), entry("car", "b"), entry("bus", "b")];
         let choose = |n: usize, wanted| choose("x".as_ref(), &entries[..n], wanted);
         assert_eq!(choose(1, None).unwrap(), 0);
-        assert_eq!(choose(3, Some("b")).unwrap(), 1);
+        assert_eq!(choose(2, Some("b")).unwrap(), 1);
+        let several = choose(3, Some("b")).unwrap_err().to_string();
+        assert!(several.contains("car/b, bus/b"), "{several}");
         assert_eq!(choose(3, Some("bus/b")).unwrap(), 2);
         let error = choose(3, None).unwrap_err().to_string();
         assert!(error.contains("3 objects") && error.contains("car/a, car/b"), "{error}");

@@ -70,7 +70,7 @@ impl Photograph {
         let mask = if guessed { backdrop } else { options.mask };
         let name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
         let camera = camera(image.width, image.height);
-        let image = ImageFile { path: path.to_owned(), pixels: image };
+        let image = ImageFile::new(path.to_owned(), image);
         let options = ReadOptions { mask, ..options.clone() };
         let view = assemble(name, image, file, camera, None, &options)?;
         if view.mask_pixels() == 0 {
@@ -86,7 +86,11 @@ fn mask_beside(path: &Path, options: &ReadOptions) -> Result<MaskFile, ReadViews
     if !options.reads_mask_files() || !folder.is_dir() {
         return Ok(MaskFile::default());
     }
-    mask_of_folder(&folder, path, options)
+    mask_of_folder(
+        &folder,
+        &ImageFile::new(path.to_owned(), mesh_core::ByteImage::default()),
+        options,
+    )
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use crate::budget::{check_budget, megabytes};
 use crate::consistency;
-use crate::convention::reread;
+use crate::convention::{Convention, reread};
 use crate::error::ReadViewsError;
 use crate::mask::clean_mask;
 use crate::options::{MaskSource, OnInconsistent, ReadOptions};
@@ -17,9 +17,26 @@ use crate::source::{Opened, Source};
 use crate::view::{Layout, View, Views};
 use crate::wanted::Wanted;
 
-/// One view that waits to be read by whichever thread comes first.
-pub(crate) type Pending<'a> =
+/// What reads a view, on whichever thread comes first.
+pub(crate) type Read<'a> =
     Box<dyn Fn(&mut Opened<'_>) -> Result<View, ReadViewsError> + Send + Sync + 'a>;
+
+/// One view that waits to be read.
+pub(crate) struct Pending<'a> {
+    /// What the view is called: one that is not wanted is not read.
+    name: String,
+    read: Read<'a>,
+}
+
+impl<'a> Pending<'a> {
+    /// A view of this name.
+    pub(crate) fn new(
+        name: impl Into<String>,
+        read: impl Fn(&mut Opened<'_>) -> Result<View, ReadViewsError> + Send + Sync + 'a,
+    ) -> Self {
+        Self { name: name.into(), read: Box::new(read) }
+    }
+}
 
 /// What a layout found before any pixel is read.
 pub(crate) struct Reading<'a> {
@@ -30,15 +47,18 @@ pub(crate) struct Reading<'a> {
     pub(crate) poses: &'static str,
     /// Which of them the source keeps for tests, by their place; ascending.
     pub(crate) test: Vec<usize>,
+    /// Names of views that are not wanted and not there, which are no part of the list.
+    pub(crate) left_out: Vec<String>,
 }
 
 impl<'a> Reading<'a> {
     /// A list of none.
     pub(crate) fn new(layout: Layout, poses: &'static str) -> Self {
-        Self { layout, pending: Vec::new(), warnings: Vec::new(), poses, test: Vec::new() }
+        let (pending, warnings, test, left_out) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        Self { layout, pending, warnings, poses, test, left_out }
     }
 
-    /// Adds a view, or a warning in its place where a file of it is not found and that is allowed.
+    /// Adds a view, or a warning in its place where a file of it is not found and that is allowed; nothing where it is not wanted.
     pub(crate) fn add<T: Send + Sync + 'a>(
         &mut self,
         name: &str,
@@ -47,10 +67,11 @@ impl<'a> Reading<'a> {
         read: impl Fn(&T, &mut Opened<'_>) -> Result<View, ReadViewsError> + Send + Sync + 'a,
     ) -> Result<(), ReadViewsError> {
         match found {
-            Ok(found) => self.pending.push(Box::new(move |opened| read(&found, opened))),
+            Ok(found) => self.pending.push(Pending::new(name, move |opened| read(&found, opened))),
             Err(error) if options.allow_missing => {
                 self.warnings.push(format!("view {name} is left out: {}", error.without_advice()));
             }
+            Err(_) if !Wanted::of(options).has(name) => self.left_out.push(name.to_owned()),
             Err(error) => return Err(error),
         }
         Ok(())
@@ -67,8 +88,10 @@ pub(crate) struct Reader<'r, 'a> {
     layout: Layout,
     pub(crate) options: &'r ReadOptions,
     pub(crate) chosen: Vec<&'r Pending<'a>>,
-    /// Their places in the list, where they are not all of it.
-    which: Option<&'r [usize]>,
+    /// Their places in the list.
+    places: Vec<usize>,
+    /// Names of those that are not wanted.
+    left_out: Vec<String>,
     /// The most pixels of their longer side.
     longest: Option<usize>,
 }
@@ -88,7 +111,7 @@ impl Reader<'_, '_> {
 
     /// One view of the list with its camera, all of its image at its own size.
     pub(crate) fn whole(&self, at: usize, opened: &mut Opened<'_>) -> Result<View, ReadViewsError> {
-        let view = self.chosen[at](opened)?;
+        let view = (self.chosen[at].read)(opened)?;
         Ok(View { camera: meant(view.camera, self.layout, self.options), ..view })
     }
 
@@ -139,7 +162,7 @@ impl Reader<'_, '_> {
         first.map(|view| Some(Ok(view))).into_iter().chain(rest).collect()
     }
 
-    /// Sorts out what is not wanted and what may be missing, which `warnings` then says.
+    /// Sorts out what may be missing, which `warnings` then says.
     ///
     /// # Errors
     /// The first, in the order of the list; also if all together are too much, one that is named is not there, or none is.
@@ -151,11 +174,9 @@ impl Reader<'_, '_> {
     ) -> Result<Kept, ReadViewsError> {
         let (path, options) = (self.path, self.options);
         let mut views = Vec::with_capacity(decoded.len());
-        let (mut test, mut unread) = (Vec::new(), None);
-        let mut held = 0;
-        let (wanted, mut left_out) = (Wanted::of(options), Vec::new());
+        let (mut test, mut held) = (Vec::new(), 0);
         for (at, result) in decoded.into_iter().enumerate() {
-            let index = self.which.map_or(at, |which| which[at]);
+            let index = self.places[at];
             // What was passed over comes before what is too much, so that the error is the same for any number of threads.
             let result = result.unwrap_or_else(|| {
                 self.source.open().and_then(|mut opened| self.view(at, &mut opened))
@@ -163,12 +184,6 @@ impl Reader<'_, '_> {
             held += result.as_ref().map_or(0, |view| view.bytes() as u64);
             check_budget(path, options, held)?;
             match result {
-                Ok(view) if !wanted.has(&view.name) => left_out.push(view.name),
-                // What is not wanted may be what cannot be read; or it is the file of all cameras, and a view will be missed.
-                Err(error) if !wanted.has(&error.path.to_string_lossy()) => {
-                    left_out.push(error.path.to_string_lossy().into_owned());
-                    unread = unread.or(Some(error));
-                }
                 Ok(view) => {
                     if kept_for_test.binary_search(&index).is_ok() {
                         test.push(views.len());
@@ -181,26 +196,22 @@ impl Reader<'_, '_> {
                 Err(error) => return Err(error),
             }
         }
-        self.complete(&views, (&wanted, &left_out), unread)?;
+        self.complete(&views)?;
         Ok(Kept { views, test })
     }
 
-    /// Whether those that are named are there, and any at all. `unread` is what could not be read of the others.
-    fn complete(
-        &self,
-        views: &[View],
-        (wanted, left_out): (&Wanted<'_>, &[String]),
-        unread: Option<ReadViewsError>,
-    ) -> Result<(), ReadViewsError> {
+    /// Whether those that are named are there, and any at all.
+    fn complete(&self, views: &[View]) -> Result<(), ReadViewsError> {
         let kept: Vec<&str> = views.iter().map(|view| view.name.as_str()).collect();
-        let left_out: Vec<&str> = left_out.iter().map(String::as_str).collect();
-        if let Some((name, expected)) = wanted.missed(&kept, &left_out) {
-            let why =
-                unread.map_or_else(String::new, |error| format!(" that can be read: {error}"));
-            let found = format!("none called {name}{why}");
+        let left_out: Vec<&str> = self.left_out.iter().map(String::as_str).collect();
+        if let Some((name, expected)) = Wanted::of(self.options).missed(&kept, &left_out) {
+            let found = format!("none called {name}");
             return Err(ReadViewsError::field(self.path, "views", found, expected));
         }
-        if views.is_empty() && !left_out.is_empty() && self.options.only.is_none() {
+        if views.is_empty()
+            && !left_out.is_empty()
+            && (self.options.only.is_none() || self.chosen.is_empty())
+        {
             return Err(ReadViewsError::field(self.path, "views", "all left out", "one at least"));
         }
         if views.is_empty() && !self.chosen.is_empty() {
@@ -240,16 +251,17 @@ pub(crate) fn read_chosen(
     options: &ReadOptions,
     progress: &(dyn Fn(usize, usize) + Sync),
 ) -> Result<Views, ReadViewsError> {
-    let Reading { layout, pending, mut warnings, poses, test: kept_for_test } = reading;
-    if pending.is_empty() {
+    let Reading { layout, pending, mut warnings, poses, test: kept_for_test, left_out } = reading;
+    if pending.is_empty() && left_out.is_empty() {
         return Err(ReadViewsError::field(path, "views", "none that is complete", "at least one"));
     }
-    let chosen = chosen(path, &pending, which)?;
+    let (chosen, places, left_out) = chosen(path, &pending, which, (options, left_out))?;
     if let Some(field) = unknown_to(layout, options) {
         let found = format!("{layout}, which has no poses of its own");
         return Err(ReadViewsError::field(path, field, found, "a layout with matrices of cameras"));
     }
-    let mut reader = Reader { path, source, layout, options, chosen, which, longest: None };
+    let mut reader =
+        Reader { path, source, layout, options, chosen, places, left_out, longest: None };
     let first = reader.judged()?;
     if let Some(first) = &first {
         reader.longest = reader.longest_side(first)?;
@@ -269,20 +281,36 @@ pub(crate) fn read_chosen(
         && options.mask != MaskSource::Whole
         && !views.is_empty()
     {
-        consistency::check(path, &views, poses, &mut warnings)?;
+        let poses = (poses, taken_for(layout, options));
+        consistency::check(path, &views, poses, source.brightest().value(), &mut warnings)?;
     }
     Ok(Views { views, source: path.to_owned(), layout, warnings, test })
 }
 
-/// All of the list, or those with the given indices.
+/// Views that are read, their places in the list, and the names of those that are not.
+type Chosen<'r, 'a> = (Vec<&'r Pending<'a>>, Vec<usize>, Vec<String>);
+
+/// All of the list, or those with the given indices, without those whose names say that they are not wanted; `left_out` begins with
+/// names that were found so before.
 fn chosen<'r, 'a>(
     path: &Path,
     pending: &'r [Pending<'a>],
     which: Option<&[usize]>,
-) -> Result<Vec<&'r Pending<'a>>, ReadViewsError> {
-    let Some(which) = which else { return Ok(pending.iter().collect()) };
-    let listed = |&view: &usize| pending.get(view).ok_or_else(|| lost(path, view, pending.len()));
-    which.iter().map(listed).collect()
+    (options, mut left_out): (&ReadOptions, Vec<String>),
+) -> Result<Chosen<'r, 'a>, ReadViewsError> {
+    let wanted = Wanted::of(options);
+    let (mut chosen, mut places) = (Vec::new(), Vec::new());
+    let all = 0..which.map_or(pending.len(), <[usize]>::len);
+    for place in all.map(|k| which.map_or(k, |which| which[k])) {
+        let view = pending.get(place).ok_or_else(|| lost(path, place, pending.len()))?;
+        if wanted.has(&view.name) {
+            chosen.push(view);
+            places.push(place);
+        } else {
+            left_out.push(view.name.clone());
+        }
+    }
+    Ok((chosen, places, left_out))
 }
 
 /// Whether masks are made of all views together.
@@ -332,6 +360,12 @@ fn reopened<'o, 'a>(
 fn unknown_to(layout: Layout, options: &ReadOptions) -> Option<&'static str> {
     let said = options.axes.map(|_| "axes").or_else(|| options.poses.map(|_| "poses"));
     said.filter(|_| layout.convention().is_none())
+}
+
+/// What the cameras of a layout were taken for, where it has poses.
+fn taken_for(layout: Layout, options: &ReadOptions) -> Option<Convention> {
+    let (axes, poses) = layout.convention()?;
+    Some((options.axes.unwrap_or(axes), options.poses.unwrap_or(poses)))
 }
 
 /// The camera as the options say that it is meant, where it was read as the layout has it.
@@ -402,7 +436,7 @@ mod tests {
         let said = |threads: usize, memory_limit: u64| {
             let mut reading = Reading::new(Layout::Transforms, "poses");
             for rows in [4, 8, 16, 32] {
-                reading.pending.push(Box::new(move |_| {
+                reading.pending.push(Pending::new(rows.to_string(), move |_| {
                     // Where others are there, they come first.
                     if rows == 4 && threads > 1 {
                         std::thread::sleep(Duration::from_millis(30));

@@ -1,9 +1,12 @@
 //! A folder or a zip archive, read alike: names in, bytes out.
 
-use std::collections::BTreeSet;
+use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::{Component, Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU16, Ordering};
 
 use mesh_core::{Limits, OverLimit};
 use zip::ZipArchive;
@@ -22,11 +25,31 @@ pub(crate) struct Source {
     pub(crate) path: PathBuf,
     /// Put before every name: the one folder at the root of an archive, with its slash, or nothing.
     prefix: String,
-    /// The archive's entries; `None` for a folder.
-    entries: Option<BTreeSet<String>>,
+    /// The archive's entries by their names with `/`, each as it is called in the archive; `None` for a folder.
+    entries: Option<BTreeMap<String, String>>,
     /// How many folders above its own a name may reach.
     above: usize,
     limits: Limits,
+    /// Whether pixels are counted as they are stored, whatever EXIF says of how the camera was held.
+    stored_pixels: bool,
+    /// The brightest value in files of masks.
+    brightest: Brightest,
+}
+
+/// The largest value that was found in files of masks so far, by any thread.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Brightest(Arc<AtomicU16>);
+
+impl Brightest {
+    pub(crate) fn note(&self, value: u8) {
+        // 0 is for none.
+        self.0.fetch_max(u16::from(value) + 1, Ordering::Relaxed);
+    }
+
+    /// None where no file was read.
+    pub(crate) fn value(&self) -> Option<u16> {
+        self.0.load(Ordering::Relaxed).checked_sub(1)
+    }
 }
 
 /// A source opened by one thread.
@@ -39,21 +62,25 @@ impl Source {
     /// A folder.
     pub(crate) fn folder(path: &Path) -> Self {
         let limits = Limits::default();
-        Self { path: path.to_owned(), prefix: String::new(), entries: None, above: 0, limits }
+        let (path, prefix) = (path.to_owned(), String::new());
+        let (stored_pixels, brightest) = (false, Brightest::default());
+        Self { path, prefix, entries: None, above: 0, limits, stored_pixels, brightest }
     }
 
     /// A zip archive; its table of contents is read once, here.
     pub(crate) fn zip(path: &Path) -> Result<Self, ReadViewsError> {
         let archive = open_archive(path)?;
-        let names: BTreeSet<String> = archive
+        let names: BTreeMap<String, String> = archive
             .file_names()
             .filter_map(Result::ok)
-            .filter(|name| !name.ends_with('/') && !is_clutter(name))
-            .map(String::from)
+            .map(|name| (tidy(&name), name.into_owned()))
+            .filter(|(name, _)| !name.ends_with('/') && !is_clutter(name))
             .collect();
         let prefix = common_folder(&names);
         let limits = Limits::default();
-        Ok(Self { path: path.to_owned(), prefix, entries: Some(names), above: 0, limits })
+        let (path, entries) = (path.to_owned(), Some(names));
+        let (stored_pixels, brightest) = (false, Brightest::default());
+        Ok(Self { path, prefix, entries, above: 0, limits, stored_pixels, brightest })
     }
 
     /// The same folder, whose files may also lie so many folders above it: `../images/0.png`.
@@ -64,6 +91,26 @@ impl Source {
     /// The same, whose files are held to these limits.
     pub(crate) fn within(self, limits: Limits) -> Self {
         Self { limits, ..self }
+    }
+
+    /// The same, whose images are not turned as EXIF says.
+    pub(crate) fn with_stored_pixels(self) -> Self {
+        Self { stored_pixels: true, ..self }
+    }
+
+    /// Whether images are not turned as EXIF says.
+    pub(crate) fn has_stored_pixels(&self) -> bool {
+        self.stored_pixels
+    }
+
+    /// The same, which notes the values of masks there.
+    pub(crate) fn noting(self, brightest: Brightest) -> Self {
+        Self { brightest, ..self }
+    }
+
+    /// The brightest value in files of masks.
+    pub(crate) fn brightest(&self) -> &Brightest {
+        &self.brightest
     }
 
     /// Whether a name stays where names of this source may be. Absolute ones never do.
@@ -81,7 +128,7 @@ impl Source {
     /// The error of a file that is not there; or that is there, and is not for reading.
     pub(crate) fn missing(&self, name: &str, wanted_by: String) -> ReadViewsError {
         let path = self.locate(name);
-        let problem = if !self.is_inside(name) {
+        let problem = if !self.is_inside(&self.placed(name)) {
             ViewsProblem::Outside { wanted_by }
         } else if self.entries.is_none() && path.exists() {
             ViewsProblem::Irregular
@@ -114,16 +161,25 @@ impl Source {
         self.entries.is_some()
     }
 
+    /// The name by which a file is there: that with `/` where Windows wrote `\\` and no file is called so.
+    fn placed<'n>(&self, name: &'n str) -> Cow<'n, str> {
+        match self.entries {
+            Some(_) => tidy(name).into(),
+            None if name.contains('\\') && !self.path.join(name).exists() => tidy(name).into(),
+            None => name.into(),
+        }
+    }
+
     /// Where a file is, for messages.
     pub(crate) fn locate(&self, name: &str) -> PathBuf {
-        self.path.join(format!("{}{name}", self.prefix))
+        self.path.join(format!("{}{}", self.prefix, self.placed(name)))
     }
 
     /// Names of the files at the root, sorted.
     pub(crate) fn root_names(&self) -> Result<Vec<String>, ReadViewsError> {
         if let Some(entries) = &self.entries {
             return Ok(entries
-                .iter()
+                .keys()
                 .filter_map(|name| name.strip_prefix(self.prefix.as_str()))
                 .filter(|name| !name.contains('/'))
                 .map(String::from)
@@ -137,7 +193,7 @@ impl Source {
     pub(crate) fn names_in(&self, folder: &str) -> Vec<String> {
         let inside = format!("{}{}/", self.prefix, tidy(folder));
         if let Some(entries) = &self.entries {
-            let names = entries.iter().filter_map(|name| name.strip_prefix(inside.as_str()));
+            let names = entries.keys().filter_map(|name| name.strip_prefix(inside.as_str()));
             return names.filter(|name| !name.contains('/')).map(String::from).collect();
         }
         let folder = self.path.join(folder);
@@ -148,9 +204,10 @@ impl Source {
 
     /// Whether the file exists, is one (no pipe, no device), and lies where names may be.
     pub(crate) fn has(&self, name: &str) -> bool {
+        let name = self.placed(name);
         match &self.entries {
-            Some(entries) => entries.contains(&format!("{}{}", self.prefix, tidy(name))),
-            None => self.is_inside(name) && self.path.join(name).is_file(),
+            Some(entries) => entries.contains_key(&format!("{}{name}", self.prefix)),
+            None => self.is_inside(&name) && self.path.join(&*name).is_file(),
         }
     }
 
@@ -182,12 +239,14 @@ impl<'a> Opened<'a> {
         field: &str,
         limit: u64,
     ) -> Result<Content, ReadViewsError> {
-        let path = self.source.locate(&tidy(name));
+        let path = self.source.locate(name);
+        let placed = self.source.placed(name);
         let missing = || self.source.missing(name, format!("the {field} is read from it"));
         let (limit, read) = match &mut self.archive {
             Some(archive) => {
-                let entry = format!("{}{}", self.source.prefix, tidy(name));
-                match archive.by_name(&entry) {
+                let entry = format!("{}{placed}", self.source.prefix);
+                let stored = self.source.entries.as_ref().and_then(|all| all.get(&entry));
+                match archive.by_name(stored.unwrap_or(&entry)) {
                     Ok(file) => {
                         let stored = file.compressed_size();
                         let limit = limit.min(inflated(stored, &self.source.limits));
@@ -199,8 +258,8 @@ impl<'a> Opened<'a> {
                     Err(error) => return Err(ReadViewsError::new(path, error)),
                 }
             }
-            None if !self.source.is_inside(name) => return Err(missing()),
-            None => (limit, read_regular(&self.source.path.join(name), limit)),
+            None if !self.source.is_inside(&placed) => return Err(missing()),
+            None => (limit, read_regular(&self.source.path.join(&*placed), limit)),
         };
         match read {
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => Err(missing()),
@@ -273,11 +332,11 @@ fn read_at_most(
     Ok(Ok((bytes, stored)))
 }
 
-/// The names in a folder, sorted; those that are not text belong to no layout.
+/// The names in a folder, sorted, without what systems add of their own; those that are not text belong to no layout.
 pub(crate) fn names_of(folder: &Path) -> std::io::Result<Vec<String>> {
     let entries: Result<Vec<_>, _> = std::fs::read_dir(folder)?.collect();
     let names = entries?.into_iter().filter_map(|entry| entry.file_name().into_string().ok());
-    let mut names: Vec<String> = names.collect();
+    let mut names: Vec<String> = names.filter(|name| !is_clutter(name)).collect();
     names.sort_unstable();
     Ok(names)
 }
@@ -287,25 +346,27 @@ fn open_archive(path: &Path) -> Result<ZipArchive<BufReader<File>>, ReadViewsErr
     ZipArchive::new(BufReader::new(file)).map_err(|e| ReadViewsError::new(path, e))
 }
 
-/// What archivers add of their own.
+/// What archivers and file managers add of their own.
 fn is_clutter(name: &str) -> bool {
-    name.starts_with("__MACOSX/") || name.ends_with(".DS_Store")
+    let clutter = ["__MACOSX", ".DS_Store", "Thumbs.db", "desktop.ini"];
+    // macOS keeps beside `a.png`, as `._a.png`, what other file systems have no place for.
+    name.split('/').any(|part| part.starts_with("._") || clutter.contains(&part))
 }
 
-/// A name without `./`, for archives, whose names are compared as text.
+/// A name with `/` and without `./` at its front, for archives, whose names are compared as text, and for names that Windows wrote.
 fn tidy(name: &str) -> String {
     name.replace('\\', "/").trim_start_matches("./").to_owned()
 }
 
 /// The folder that every name is in, with its slash; empty where there is none.
-fn common_folder(names: &BTreeSet<String>) -> String {
+fn common_folder(names: &BTreeMap<String, String>) -> String {
     let mut prefix = String::new();
     loop {
         let rest = |name: &str| name.strip_prefix(prefix.as_str()).map(str::to_owned);
-        let Some(first) = names.iter().next().and_then(|n| rest(n)) else { return prefix };
+        let Some(first) = names.keys().next().and_then(|n| rest(n)) else { return prefix };
         let Some(slash) = first.find('/') else { return prefix };
         let longer = format!("{prefix}{}", &first[..=slash]);
-        if !names.iter().all(|name| name.starts_with(&longer)) {
+        if !names.keys().all(|name| name.starts_with(&longer)) {
             return prefix;
         }
         prefix = longer;
@@ -318,7 +379,7 @@ mod tests {
 
     #[test]
     fn the_folder_that_all_entries_share_is_found() {
-        let set = |names: &[&str]| names.iter().map(|&n| n.to_owned()).collect();
+        let set = |names: &[&str]| names.iter().map(|&n| (n.to_owned(), n.to_owned())).collect();
         assert_eq!(common_folder(&set(&["a/b/1", "a/b/2"])), "a/b/");
         assert_eq!(common_folder(&set(&["a/1", "b/2"])), "");
         assert_eq!(common_folder(&set(&["1", "a/2"])), "");

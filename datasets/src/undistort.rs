@@ -211,6 +211,9 @@ pub(crate) fn straightened(
     })
 }
 
+/// What cameras of matrices have instead of a bent lens.
+pub(crate) const SKEW: &str = "skew of the pixels' axes";
+
 /// The lenses whose distortion is undone, for one sentence to the user.
 #[derive(Default)]
 pub(crate) struct Lenses(BTreeMap<String, usize>);
@@ -222,7 +225,7 @@ impl Lenses {
     }
 
     /// What is done about them; none where there is no such lens.
-    pub(crate) fn sentence(&self) -> Option<String> {
+    pub(crate) fn sentence(&self, options: &ReadOptions) -> Option<String> {
         const MOST: usize = 3;
         let named =
             |(lens, &views): (&String, &usize)| format!("{lens} ({})", counted(views, "view"));
@@ -231,10 +234,12 @@ impl Lenses {
             lenses.push(format!("{} other lenses", self.0.len() - MOST));
         }
         (!lenses.is_empty()).then(|| {
-            format!(
-                "lens distortion is undone, images and masks are resampled: {}",
-                lenses.join(", ")
-            )
+            let done = if options.undistort {
+                "undone, images and masks are resampled"
+            } else {
+                "left as it is, cameras are the pinholes that it is stated for"
+            };
+            format!("lens distortion is {done}: {}", lenses.join(", "))
         })
     }
 }

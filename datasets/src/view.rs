@@ -56,12 +56,15 @@ pub enum Layout {
     /// test are kept for tests ([`Views::test`]), and so are those of val where there are no others, which else are left out;
     /// in a folder or a zip. What a frame says wins over the top
     /// level; extensions may be missing; masks are alpha, `mask_path` or `masks/<stem>.png`. Distortion is undone:
-    /// `k1 k2 k3 k4 p1 p2`, of a fisheye where `camera_model` or `is_fisheye` says so.
+    /// `k1 k2 k3 k4 p1 p2`, of a fisheye where `camera_model` or `is_fisheye` says so. Depth (`depth_file_path`) is in
+    /// `depth_unit_scale_factor` where the file has one; else whole numbers are millimetres, as for nerfstudio, and floats are in the unit of
+    /// the poses, of which nerfstudio takes a thousandth.
     Transforms,
     /// **ShapeNet with 3D-R2N2's renderings**: see [`r2n2`](crate::r2n2).
     R2n2,
     /// **COLMAP** ([`Colmap`](crate::Colmap)): cameras and images, `.bin` before `.txt`, in `sparse/0`, `sparse` or
-    /// the folder itself; images in `images`; distortion is undone; poses are those of rigs and
+    /// the folder itself; images in `images`, whose pixels, and those of masks, count as they are stored, whatever EXIF says; distortion is
+    /// undone; poses are those of rigs and
     /// frames where there are `rigs` and `frames` (COLMAP 3.12 and later); masks are alpha, `masks/<image>.png` as COLMAP has them, or `masks/<stem>.png`; dense
     /// depth maps where asked.
     /// [`Colmap::points`](crate::Colmap::points) are the sparse points. A folder or a zip.
@@ -88,7 +91,7 @@ pub enum Layout {
     /// is a model, its views the photographs of it.
     Pix3d,
     /// **Pascal3D+** ([`Pascal3d`](crate::Pascal3d)): `Annotations/<class>_{imagenet,pascal}/*.mat`; an object is
-    /// what is annotated in an image. Masks only where VOC has them.
+    /// what is annotated in an image. Masks only where VOC has them. The lists of `Image_sets` and of VOC are the subsets.
     Pascal3d,
     /// **CUB with CMR's cache** ([`Cub`](crate::Cub)): `data/{train,val,test}_cub_cleaned.mat` and `sfm`;
     /// weak-perspective cameras in pixels of the whole image.

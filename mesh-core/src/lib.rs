@@ -143,9 +143,9 @@ pub use image::{
 };
 #[cfg(feature = "images")]
 pub use image::{
-    ImageError, decode_depth_png, decode_depth_png_with, decode_image, decode_image_with,
-    decode_pfm, decode_pfm_with, encode_pfm, encode_png, read_depth_png, read_image,
-    read_image_with, read_pfm, write_pfm, write_png,
+    ImageError, StoredImage, decode_depth_png, decode_depth_png_with, decode_image,
+    decode_image_with, decode_pfm, decode_pfm_with, encode_pfm, encode_png, read_depth_png,
+    read_image, read_image_with, read_pfm, write_pfm, write_png,
 };
 #[cfg(feature = "exr")]
 pub use image::{

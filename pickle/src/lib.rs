@@ -201,6 +201,35 @@ mod tests {
         assert_eq!(entries[2].1.elements(2).unwrap()[1].truth(), Some(true));
     }
 
+    /// `{"names": np.array(["ab"]), "objects": np.array([None], dtype=object), "x": np.array([1.5], np.float16)}`.
+    #[test]
+    fn arrays_of_other_things_than_numbers_do_not_hide_the_rest() {
+        let array = |dtype: &str, order: &str, state: &str, data: &[u8]| {
+            let front =
+                "cnumpy.core.multiarray\n_reconstruct\n(cnumpy\nndarray\n(I0\ntVb\ntR(I1\n(I1\nt";
+            let dtype =
+                format!("cnumpy\ndtype\n(V{dtype}\nI00\nI01\ntR(I3\nV{order}\n{state}tbI00\n");
+            [front.as_bytes(), dtype.as_bytes(), data, b"tb"].concat()
+        };
+        let plain = "NNNI-1\nI-1\nI0\n";
+        let parts = [
+            b"(Vnames\n".to_vec(),
+            array("U2", "<", "NNNI8\nI4\nI8\n", b"C\x08a\0\0\0b\0\0\0"),
+            b"Vobjects\n".to_vec(),
+            array("O8", "|", "NNNI-1\nI-1\nI63\n", b"(Nl"),
+            b"Vx\n".to_vec(),
+            array("f2", "<", plain, b"C\x02\0\x3e"),
+            b"d.".to_vec(),
+        ];
+        let bytes = parts.concat();
+        let pickle = Pickle::parse(&bytes).unwrap();
+        let entries: Vec<_> = pickle.root().entries().map(|(_, item)| item).collect();
+        let found = |k: usize| entries[k].numbers().unwrap_err().found;
+        assert_eq!((found(0), found(1)), ("an array of U2".into(), "an array of O8".into()));
+        assert!(entries[0].is_array());
+        assert_eq!(entries[2].numbers().unwrap().data, [1.5]);
+    }
+
     /// Arrays without numbers, `[0, 3]`, as Python 3 writes them at protocols 0 to 2, which have no bytes.
     #[test]
     fn bytes_may_be_empty() {

@@ -1,7 +1,7 @@
 //! Arrays of NumPy's.
 
 use crate::Item;
-use crate::dtype::Array;
+use crate::dtype::{Array, Kind};
 use crate::error::{PickleError, error};
 use crate::value::{Value, bytes, wholes};
 
@@ -33,6 +33,14 @@ impl Item<'_, '_> {
             return Err(self.wrong("an array of numbers"));
         };
         let wrong = |found: String, expected: &str| error(&self.field, found, expected);
+        let dtype = match dtype {
+            Kind::Number(dtype) => dtype,
+            Kind::Other(name) => {
+                let name = name.and_then(|name| values[name as usize].text());
+                let name: String = name.unwrap_or("no simple type").chars().take(40).collect();
+                return Err(wrong(format!("an array of {name}"), "an array of numbers"));
+            }
+        };
         let size = dtype.size();
         let axes = wholes(values, shape)
             .and_then(|axes| axes.into_iter().map(|n| n.try_into().ok()).collect());

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use crate::dtype::{Array, Dtype};
+use crate::dtype::{Array, Dtype, Kind};
 use crate::text::latin;
 
 /// No array or tensor has more axes, and no storage a longer name: both are read again and again.
@@ -31,7 +31,7 @@ pub(crate) enum Value<'a> {
     Global(String),
     /// What a call of this function would have made, which means nothing here.
     Foreign(u32),
-    Dtype(Dtype),
+    Dtype(Kind),
     /// An array of NumPy's, once it has its state.
     Array(Option<Array>),
     /// Numbers that lie elsewhere in a file of PyTorch's: their type, name and count.
@@ -130,7 +130,12 @@ pub(crate) fn call<'a>(values: &[Value<'_>], function: u32, arguments: u32) -> M
         "__builtin__.bytes" | "builtins.bytes" if indices.is_empty() => {
             Some(Value::Bytes(Cow::Borrowed(&[])))
         }
-        "numpy.dtype" => argument(0).and_then(Value::text).and_then(Dtype::named).map(Value::Dtype),
+        "numpy.dtype" => {
+            let number = argument(0).and_then(Value::text).and_then(Dtype::named);
+            // What is no number stays a type, so that the rest of the pickle can be read beside its arrays.
+            let kind = number.map_or_else(|| Kind::Other(indices.first().copied()), Kind::Number);
+            Some(Value::Dtype(kind))
+        }
         "numpy.core.multiarray._reconstruct" | "numpy._core.multiarray._reconstruct" => {
             Some(Value::Array(None))
         }
@@ -176,16 +181,21 @@ pub(crate) fn complete(values: &mut [Value<'_>], target: u32, state: u32) -> boo
     let part = |i: usize| indices.get(i).map(|&i| &values[i as usize]);
     let completed = match values[target as usize] {
         // (version, byte order, ..)
-        Value::Dtype(dtype) => part(1)
+        Value::Dtype(Kind::Number(dtype)) => part(1)
             .and_then(Value::text)
-            .map(|order| Value::Dtype(Dtype { big_endian: order == ">", ..dtype })),
+            .map(|order| Value::Dtype(Kind::Number(Dtype { big_endian: order == ">", ..dtype }))),
         // (version, shape, dtype, Fortran order, bytes)
         Value::Array(_) => match (indices, part(2), part(3).and_then(Value::whole)) {
-            (&[_, shape, _, _, data, ..], Some(&Value::Dtype(dtype)), Some(order)) => {
+            (&[_, shape, _, _, data, ..], Some(dtype), Some(order)) => {
+                let dtype = match *dtype {
+                    Value::Dtype(dtype) => dtype,
+                    _ => Kind::Other(None),
+                };
                 Some(Value::Array(Some(Array { shape, dtype, fortran: order != 0, data })))
             }
             _ => None,
         },
+        // The byte order of other types than numbers' means nothing here either.
         _ => return true,
     };
     let complete = completed.is_some();

@@ -14,6 +14,18 @@ pub(crate) struct NpyArray<T = f32> {
     pub(crate) shape: Vec<usize>,
     /// As many values as the product of the axes.
     pub(crate) data: Vec<T>,
+    /// Whether its type has whole numbers alone.
+    pub(crate) is_whole: bool,
+}
+
+/// One number a pixel.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct NpyImage {
+    /// Height and width.
+    pub(crate) size: [usize; 2],
+    pub(crate) data: Vec<f32>,
+    /// Whether the type of the numbers has whole ones alone.
+    pub(crate) is_whole: bool,
 }
 
 /// Why an array could not be read: the field of the header, what it says, what it may say.
@@ -26,7 +38,7 @@ pub(crate) struct NpyError {
 
 const MAGIC: &[u8; 6] = b"\x93NUMPY";
 const DTYPES: &str =
-    "one of |b1, |i1, |u1, <i2, <u2, <i4, <u4, <i8, <u8, <f4, <f8 (or > for big-endian)";
+    "one of |b1, |i1, |u1, <i2, <u2, <i4, <u4, <i8, <u8, <f2, <f4, <f8 (or > for big-endian)";
 
 fn error(field: &'static str, found: impl Into<String>, expected: impl Into<String>) -> NpyError {
     NpyError { field, found: found.into(), expected: expected.into() }
@@ -50,7 +62,7 @@ pub(crate) fn read_matrix(bytes: &[u8]) -> Result<[[f64; 4]; 3], NpyError> {
 }
 
 /// Reads one number a pixel, of any size: `[H, W]`, or that with axes of one before or after it.
-pub(crate) fn read_image(bytes: &[u8]) -> Result<([usize; 2], Vec<f32>), NpyError> {
+pub(crate) fn read_image(bytes: &[u8]) -> Result<NpyImage, NpyError> {
     let size = |shape: &[usize]| match *shape {
         [h, w] | [h, w, 1] | [1, h, w] | [1, 1, h, w] if h > 0 && w > 0 => Some([h, w]),
         _ => None,
@@ -58,7 +70,7 @@ pub(crate) fn read_image(bytes: &[u8]) -> Result<([usize; 2], Vec<f32>), NpyErro
     let expected = || "(H, W), (H, W, 1), (1, H, W) or (1, 1, H, W)".to_owned();
     let array = read_if(bytes, |shape| size(shape).is_some(), expected, |number| number as f32)?;
     let size = size(&array.shape).expect("a shape that was just accepted");
-    Ok((size, array.data))
+    Ok(NpyImage { size, data: array.data, is_whole: array.is_whole })
 }
 
 /// Reads an array whose axes are accepted; what would have been is `expected`.
@@ -107,7 +119,7 @@ fn read_if<T: Copy>(
     }
     let values: Vec<T> = data.chunks_exact(kind.size()).map(|b| convert(kind.number(b))).collect();
     let data = if fortran { row_major(&values, &shape) } else { values };
-    Ok(NpyArray { shape, data })
+    Ok(NpyArray { shape, data, is_whole: kind.is_whole() })
 }
 
 /// The text after `'key':` in a Python dict of literals, up to the comma that ends it.
@@ -197,6 +209,8 @@ mod tests {
         assert_eq!(one("<i2", &(-300i16).to_le_bytes()), -300.0);
         assert_eq!(one(">u2", &300u16.to_be_bytes()), 300.0);
         assert_eq!(one("<i8", &(-5i64).to_le_bytes()), -5.0);
+        assert_eq!(one("<f2", &[0, 0x3e]), 1.5);
+        assert_eq!(one(">f2", &[0xc1, 0]), -2.5);
         assert_eq!(one("<f4", &1.5f32.to_le_bytes()), 1.5);
         assert_eq!(one(">f8", &(-2.5f64).to_be_bytes()), -2.5);
     }

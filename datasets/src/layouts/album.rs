@@ -8,9 +8,10 @@ use crate::assemble::{ImageFile, camera_of_size};
 use crate::dataset::Catalog;
 use crate::error::{ReadViewsError, ViewsProblem};
 use crate::options::ReadOptions;
-use crate::read::{Pending, Reading, read_pending};
+use crate::read::{Pending, Read, Reading, read_pending};
 use crate::source::{Opened, Source};
 use crate::view::{View, Views};
+use crate::wanted::Wanted;
 
 /// A view that an annotation lists.
 pub(crate) struct Photo<'a> {
@@ -19,7 +20,7 @@ pub(crate) struct Photo<'a> {
     /// The image, relative to the root.
     pub(crate) image: &'a str,
     /// Reads the view.
-    pub(crate) read: Pending<'a>,
+    pub(crate) read: Read<'a>,
 }
 
 /// The dataset around the photographs.
@@ -56,20 +57,26 @@ impl Album<'_> {
         options: &ReadOptions,
         progress: &(dyn Fn(usize, usize) + Sync),
     ) -> Result<Views, ReadViewsError> {
-        let (mut pending, mut warnings) = (Vec::new(), Vec::new());
+        let (mut pending, mut warnings, mut left_out) = (Vec::new(), Vec::new(), Vec::new());
         for photo in photos {
             if self.source.has(photo.image) {
-                pending.push(photo.read);
+                pending.push(Pending::new(photo.name, photo.read));
             } else if options.allow_missing {
                 let (name, image) = (photo.name, photo.image);
                 warnings.push(format!("view {name} is left out: {image} is missing"));
+            } else if !Wanted::of(options).has(photo.name) {
+                left_out.push(photo.name.to_owned());
             } else {
                 let wanted_by = format!("the annotation of view {} names it", photo.name);
                 return Err(self.source.missing_view(photo.image, wanted_by));
             }
         }
-        let reading =
-            Reading { pending, warnings, ..Reading::new(self.catalog.layout, self.poses) };
+        let reading = Reading {
+            pending,
+            warnings,
+            left_out,
+            ..Reading::new(self.catalog.layout, self.poses)
+        };
         read_pending(&self.catalog.root, self.source, reading, options, progress)
     }
 }

@@ -10,21 +10,27 @@ use mesh_core::{ByteImage, Camera, encode_depth, encode_png};
 use rayon::prelude::*;
 use serde_json::json;
 
-use crate::assemble::{ImageFile, assemble, check_shape, put, read_image_file};
+use crate::assemble::{ImageFile, assemble, check_shape, put, read_image_file, remove};
 use crate::depth::{self, Unit};
 use crate::error::{ReadViewsError, WriteViewsError};
 use crate::formats::json::{Node, parse};
 use crate::formats::npy;
 use crate::options::{MaskSource, ReadOptions};
 use crate::read::{Pending, Reading};
-use crate::source::{Opened, Source};
+use crate::source::{Opened, Source, names_of};
 use crate::view::{Layout, View};
+use crate::wanted::Wanted;
 
 const COLOR: &str = "_rgb.png";
 const MASK: &str = "_semantic.npy";
 const CAMERA: &str = "_metadata.json";
+/// Ours, and kaolin's own.
+const DEPTHS: [&str; 2] = ["_depth.exr", "_depth_linear.npy"];
 /// Width of the sensor that is written, millimetres: the one of kaolin's own samples.
 const APERTURE: f64 = 20.955;
+/// Where the object lies in the scene: as it is.
+const IDENTITY: [[f64; 4]; 4] =
+    [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
 /// No metadata is longer than this.
 const METADATA_BYTES: u64 = 1 << 24;
 
@@ -67,11 +73,12 @@ pub(crate) fn list<'a>(
     }
     // Where some views have a mask file, one without has lost it.
     let masks = match options.mask {
+        _ if !options.reads_mask_files() => false,
         MaskSource::Files => true,
         MaskSource::Auto => names.iter().any(|n| index_of(n).is_some() && n.ends_with(MASK)),
         _ => false,
     };
-    let mut pending: Vec<Pending<'a>> = Vec::new();
+    let (mut pending, mut left_out): (Vec<Pending<'a>>, _) = (Vec::new(), Vec::new());
     for text in indices.into_values() {
         let stem = text.to_owned();
         let mut wanted = vec![COLOR, CAMERA];
@@ -83,16 +90,20 @@ pub(crate) fn list<'a>(
             Some(end) if options.allow_missing => {
                 warnings.push(format!("view {stem} is left out: {stem}{end} is missing"));
             }
+            Some(_) if !Wanted::of(options).has(&stem) => left_out.push(stem),
             Some(end) => {
                 let path = source.locate(&format!("{stem}{end}"));
                 let wanted_by = format!("view {stem} has other files");
                 return Err(ReadViewsError::missing_view(path, wanted_by));
             }
-            None => pending.push(Box::new(move |opened| read_view(opened, &stem, options))),
+            None => {
+                let name = stem.clone();
+                pending.push(Pending::new(name, move |opened| read_view(opened, &stem, options)));
+            }
         }
     }
     let layout = if source.is_zip() { Layout::KaolinZip } else { Layout::KaolinFolder };
-    Ok(Reading { pending, warnings, ..Reading::new(layout, "tf_mat") })
+    Ok(Reading { pending, warnings, left_out, ..Reading::new(layout, "tf_mat") })
 }
 
 /// The number in front of a known ending, and its text.
@@ -118,8 +129,8 @@ fn read_view(
     } else {
         None
     };
-    let depths = ["_depth.exr", "_depth_linear.npy"].map(|end| format!("{stem}{end}"));
-    let depth = depth::read(opened, &depths, Unit::OfIntegers(1.0), &image.pixels, options)?;
+    let depths = DEPTHS.map(|end| format!("{stem}{end}"));
+    let depth = depth::read(opened, &depths, Unit::OfIntegers(1.0), options)?;
     assemble(stem.to_owned(), image, mask.into(), camera, depth, options)
 }
 
@@ -174,7 +185,8 @@ fn read_mask(
 /// Writes views in kaolin's layout into a folder, which is made where it does not exist.
 ///
 /// Files of the same name are replaced, each atomically. Views are numbered from 0 in their
-/// order; depth, where there is one, becomes `{i}_depth.exr`.
+/// order; depth, where there is one, becomes `{i}_depth.exr`. What would be read beside them is removed: views of higher numbers, and
+/// depth of views that have none now.
 ///
 /// # Errors
 /// If a file cannot be written, or a camera cannot be said in this layout: parallel rays, pixels
@@ -186,7 +198,21 @@ pub fn write_kaolin(views: &[View], folder: &Path) -> Result<(), WriteViewsError
         .enumerate()
         .map(|(i, view)| write_view(view, &folder.join(i.to_string())))
         .collect();
-    results.into_iter().collect()
+    results.into_iter().collect::<Result<(), _>>()?;
+    remove_stale(views.len(), folder)
+}
+
+/// Removes the views of an earlier set of more, whose numbers go on behind the last one.
+fn remove_stale(count: usize, folder: &Path) -> Result<(), WriteViewsError> {
+    for name in names_of(folder).map_err(|e| WriteViewsError::new(folder, e))? {
+        let Some((number, text)) = index_of(&name) else { continue };
+        if number >= count as u64 && text == number.to_string() {
+            for end in [COLOR, MASK, CAMERA].into_iter().chain(DEPTHS) {
+                remove(&folder.join(format!("{text}{end}")))?;
+            }
+        }
+    }
+    Ok(())
 }
 
 fn write_view(view: &View, stem: &Path) -> Result<(), WriteViewsError> {
@@ -206,7 +232,8 @@ fn write_view(view: &View, stem: &Path) -> Result<(), WriteViewsError> {
             "focal_length": camera.focal_length,
             "tf_mat": camera.tf_mat,
         },
-        "asset_transforms": [],
+        // kaolin's reader asks for the matrix of the first, and fails where there is none.
+        "asset_transforms": [["asset", IDENTITY]],
     });
     put(&file(COLOR), &encode_png(&view.color))?;
     let mut labels = Vec::new();
@@ -216,7 +243,9 @@ fn write_view(view: &View, stem: &Path) -> Result<(), WriteViewsError> {
         .map_err(|e| WriteViewsError::new(&mask_path, e))?;
     put(&mask_path, &labels)?;
     if let Some(depth) = &view.depth {
-        put(&file("_depth.exr"), &encode_depth(depth))?;
+        put(&file(DEPTHS[0]), &encode_depth(depth))?;
+    } else {
+        DEPTHS.iter().try_for_each(|end| remove(&file(end)))?;
     }
     put(&metadata_path, metadata.to_string().as_bytes())
 }

@@ -21,7 +21,7 @@ use crate::mask_file::{mask_file, mask_names};
 use crate::options::ReadOptions;
 use crate::read::Reading;
 use crate::source::{Opened, Source};
-use crate::undistort::straightened;
+use crate::undistort::{Lenses, SKEW, straightened};
 use crate::view::{Layout, View};
 
 /// How names of parameter files end.
@@ -62,15 +62,21 @@ pub(crate) fn list<'a>(
     let count = first.trim().parse::<usize>();
     let count = count.map_err(|_| wrong("line 1", first, "the number of images"))?;
     let mut reading = Reading::new(Layout::Middlebury, "r, t");
-    let mut listed = 0;
+    let (mut listed, mut lenses) = (0, Lenses::default());
     for (index, line) in lines {
         listed += 1;
         let shot = Shot::new(line, index + 1, &path)?;
         let found =
             source.need(&shot.image, || format!("{} of {} names it", shot.field, path.display()));
-        let (image, path) = (shot.image.clone(), path.clone());
-        reading.add(&image, found, options, move |(), opened| shot.read(opened, &path, options))?;
+        // Whether there is skew does not depend on the size of the image.
+        let skewed = Camera::from_projection_matrix(shot.projection(), 1, 1);
+        if found.is_ok() && skewed.is_ok_and(|(_, skew)| skew.is_some()) {
+            lenses.count(SKEW.to_owned());
+        }
+        let (name, path) = (without_extension(&shot.image).to_owned(), path.clone());
+        reading.add(&name, found, options, move |(), opened| shot.read(opened, &path, options))?;
     }
+    reading.warnings.extend(lenses.sentence(options));
     if listed != count {
         let found = format!("{listed} lines with cameras");
         return Err(wrong("line 1", &found, &format!("{count}, as it says")));
@@ -98,6 +104,17 @@ impl Shot {
         Ok(Self { image, numbers, field })
     }
 
+    /// `K [R | t]`, from the corner of the first pixel instead of its middle.
+    fn projection(&self) -> [[f64; 4]; 3] {
+        let number = |row: usize, column: usize| self.numbers[3 * row + column];
+        let pose = |k: usize, c: usize| if c < 3 { number(3 + k, c) } else { number(6, k) };
+        let intrinsic =
+            |i: usize, k: usize| number(i, k) + if i < 2 { 0.5 * number(2, k) } else { 0.0 };
+        std::array::from_fn(|i| {
+            std::array::from_fn(|c| (0..3).map(|k| intrinsic(i, k) * pose(k, c)).sum())
+        })
+    }
+
     /// The camera, and the skew of its pixels where they have one.
     fn camera(
         &self,
@@ -105,15 +122,7 @@ impl Shot {
         height: usize,
         file: &Path,
     ) -> Result<(Camera, Option<Distortion>), ReadViewsError> {
-        let number = |row: usize, column: usize| self.numbers[3 * row + column];
-        // P = K [R | t], from the corner of the first pixel instead of its middle.
-        let pose = |k: usize, c: usize| if c < 3 { number(3 + k, c) } else { number(6, k) };
-        let intrinsic =
-            |i: usize, k: usize| number(i, k) + if i < 2 { 0.5 * number(2, k) } else { 0.0 };
-        let p = std::array::from_fn(|i| {
-            std::array::from_fn(|c| (0..3).map(|k| intrinsic(i, k) * pose(k, c)).sum())
-        });
-        let camera = Camera::from_projection_matrix(p, width, height);
+        let camera = Camera::from_projection_matrix(self.projection(), width, height);
         let valid = |(camera, skew): (Camera, _)| camera.validate().map(|()| (camera, skew));
         camera
             .and_then(valid)
@@ -170,6 +179,19 @@ mod tests {
         let expected = [8.0 + 2.5, 6.0 + 1.25, 4.0];
         let found = [at.column, at.row, at.depth];
         assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-9), "{found:?}");
+    }
+
+    #[test]
+    fn skew_is_said_to_be_undone() {
+        let skewed = LINE.replacen("20 0 7.5", "20 0.4 7.5", 1);
+        let folder = folder(&format!("1\n{skewed}\n"));
+        let read = |undistort: bool| {
+            let mask = crate::MaskSource::Whole;
+            let options = ReadOptions { mask, undistort, ..ReadOptions::default() };
+            read_views(folder.path(), &options, &|_, _| ()).unwrap().warnings.join(" ")
+        };
+        assert!(read(true).contains("undone") && read(true).contains("skew"), "{}", read(true));
+        assert!(read(false).contains("left as it is"), "{}", read(false));
     }
 
     #[test]

@@ -3,6 +3,8 @@
 //! Xiang, Mottaghi, Savarese, "Beyond PASCAL: A Benchmark for 3D Object Detection in the Wild"
 //! (WACV 2014); the projection is that of the authors' `project_3d.m`.
 
+mod sets;
+
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -33,7 +35,8 @@ const MODELS_BYTES: u64 = 1 << 28;
 ///
 /// The world is that of the models: +z up, the front at -y. Boxes, flags and viewpoints are in
 /// [`Pascal3d::annotation`]. Only the images of VOC's segmentation have masks; the others are
-/// read with the mask source `whole` or `backdrop`.
+/// read with the mask source `whole` or `backdrop`. Objects in one image, `2008_000021/1` and `2008_000021/2`, are in one subset; where
+/// `Image_sets` has the release's lists, those are the subsets: what they have for validation is for tests.
 #[derive(Debug)]
 pub struct Pascal3d {
     catalog: Catalog,
@@ -273,6 +276,12 @@ fn anchors(object: &Node<'_>) -> Result<BTreeMap<String, [f64; 2]>, ReadViewsErr
     Ok(out)
 }
 
+/// What an object in an image is called: where there are several, they are views of one object for whoever deals subsets, since no image
+/// may be in two.
+fn object_name(stem: &str, place: Option<usize>) -> String {
+    place.map_or_else(|| stem.to_owned(), |place| format!("{stem}/{}", place + 1))
+}
+
 /// The folders of annotations: `<class>_imagenet` and `<class>_pascal`.
 fn folders(path: &Path) -> Vec<String> {
     let mut names = names_of(&path.join(ANNOTATIONS)).unwrap_or_default();
@@ -296,8 +305,9 @@ impl Pascal3d {
     /// If there are no annotations, or one cannot be read; the first in their order.
     pub fn open(path: &Path) -> Result<Self, ReadViewsError> {
         let source = Source::folder(path);
-        let mut files = Vec::new();
+        let (mut files, mut subsets) = (Vec::new(), BTreeMap::new());
         for folder in folders(path) {
+            subsets.insert(folder.clone(), sets::read(&source, &folder)?);
             let at = path.join(ANNOTATIONS).join(&folder);
             let names = Source::folder(&at).root_names()?;
             let records = names.into_iter().filter(|name| name.strip_suffix(".mat").is_some());
@@ -319,13 +329,11 @@ impl Pascal3d {
             let stem = file.strip_suffix(".mat").unwrap_or(file);
             let several = found.len() > 1;
             for annotation in found {
-                let number =
-                    if several { format!(".{}", annotation.place + 1) } else { String::new() };
                 entries.push(Entry {
                     category: annotation.class.clone(),
-                    name: format!("{stem}{number}"),
+                    name: object_name(stem, several.then_some(annotation.place)),
                     views: 1,
-                    subset: None,
+                    subset: subsets.get(folder).and_then(|images| images.get(stem)).copied(),
                 });
                 annotations.push(annotation);
             }
@@ -411,5 +419,19 @@ impl Dataset for Pascal3d {
             None => self.model_in_mat(class, *index)?,
         };
         Ok(Truth { mesh, ..Truth::default() })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn objects_in_one_image_are_dealt_together() {
+        let entry = |name: String| Entry { name, category: "car".into(), ..Entry::default() };
+        let [first, second] = [0, 1].map(|place| entry(object_name("2008_000021", Some(place))));
+        assert_ne!(first.name, second.name);
+        assert_eq!(first.object(), second.object());
+        assert_eq!(entry(object_name("2008_000021", None)).object(), first.object());
     }
 }

@@ -75,8 +75,8 @@ pub(crate) fn list<'a>(
         let found = source.need(&shot.image, || {
             format!("field `{}.image` of {} names it", shot.field, path.display())
         });
-        let image = shot.image.clone();
-        reading.add(&image, found, options, move |(), opened| shot.read(opened, options))?;
+        let name = without_extension(&shot.image).to_owned();
+        reading.add(&name, found, options, move |(), opened| shot.read(opened, options))?;
     }
     reading.warnings.extend(unknown.warnings(&path));
     Ok(reading)
@@ -166,13 +166,7 @@ impl Shot {
             source.need(mask, || format!("field `{}.mask` of {CAMERAS} names it", self.field))?;
         }
         let mask = mask_file(opened, &self.masks, options)?;
-        let depth = depth::read(
-            opened,
-            self.depth.as_slice(),
-            Unit::OfIntegers(1.0),
-            &image.pixels,
-            options,
-        )?;
+        let depth = depth::read(opened, self.depth.as_slice(), Unit::OfIntegers(1.0), options)?;
         let name = without_extension(&self.image).to_owned();
         assemble(name, image, mask, camera, depth, options)
     }

@@ -25,9 +25,9 @@ use crate::formats::mat::Mat;
 use crate::formats::npy;
 use crate::mask_file::mask_file;
 use crate::options::ReadOptions;
-use crate::read::Reading;
+use crate::read::{Pending, Reading};
 use crate::source::Source;
-use crate::undistort::{Lenses, straightened};
+use crate::undistort::{Lenses, SKEW, straightened};
 use crate::view::Layout;
 
 /// Hundreds of thousands of matrices fit.
@@ -95,15 +95,16 @@ pub(crate) fn list<'a>(
         let (_, skew) = Camera::from_projection_matrix(*p, 1, 1)
             .map_err(ReadViewsError::camera(file, field.clone()))?;
         if skew.is_some() {
-            lenses.count("skew of the pixels' axes".to_owned());
+            lenses.count(SKEW.to_owned());
         }
     }
     let mut reading = Reading::new(Layout::Projections, "projection matrices");
-    reading.warnings.extend(lenses.sentence());
+    reading.warnings.extend(lenses.sentence(options));
     let views = images.into_iter().zip(masks).zip(matrices).zip(places);
     for (((name, masks), p), (file, field)) in views {
         let p = from_corner(p, 0.5 - first_pixel);
-        reading.pending.push(Box::new(move |opened| {
+        let stem = plain_stem(&name).to_owned();
+        reading.pending.push(Pending::new(stem, move |opened| {
             let image = read_image_file(opened, &name, "image")?;
             let (width, height) = (image.pixels.width, image.pixels.height);
             let (camera, skew) = Camera::from_projection_matrix(p, width, height)

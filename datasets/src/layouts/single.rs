@@ -50,6 +50,11 @@ impl SingleObject {
             let source = source.within(options.limits);
             let json = if path.is_dir() || source.is_zip() { None } else { path.file_name() };
             if let Some(kind) = recognise(&source, json.and_then(|n| n.to_str()), options)? {
+                // COLMAP counts pixels as they are stored.
+                let source = match kind {
+                    Kind::Colmap(_) => source.with_stored_pixels(),
+                    _ => source,
+                };
                 return Self::new(path, source, kind, options).map(Some);
             }
         }

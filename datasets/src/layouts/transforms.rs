@@ -73,7 +73,7 @@ pub(crate) fn list<'a>(
             }
         }
     }
-    reading.warnings.extend(lenses.sentence());
+    reading.warnings.extend(lenses.sentence(options));
     if left_out > 0 {
         let count = counted_are(left_out, "validation view");
         reading.warnings.push(format!("{count} left out: others are kept for tests"));
@@ -125,7 +125,7 @@ impl Parts {
         ] {
             let names = root.get(key).map(|node| node.elements()).transpose()?;
             for name in names.into_iter().flatten() {
-                lists.insert(plain(name.text()?).to_owned(), subset);
+                lists.insert(plain(name.text()?), subset);
             }
         }
         let of = [Subset::Train, Subset::Validation, Subset::Test];
@@ -140,7 +140,7 @@ impl Parts {
 
     /// What a frame is for: nothing is said of most.
     fn of(&self, image: &str) -> Option<Subset> {
-        let said = self.lists.get(plain(image)).copied().or(self.file);
+        let said = self.lists.get(&plain(image)).copied().or(self.file);
         said.map(|subset| match subset {
             Subset::Validation if !self.has_test => Subset::Test,
             subset => subset,
@@ -148,9 +148,9 @@ impl Parts {
     }
 }
 
-/// A name as lists and frames both have it.
-fn plain(name: &str) -> &str {
-    name.trim_start_matches("./")
+/// A name as lists and frames both have it, on whatever system they were written.
+fn plain(name: &str) -> String {
+    name.replace('\\', "/").trim_start_matches("./").to_owned()
 }
 
 /// What the JSON says about one frame, checked, before its image is read.
@@ -269,10 +269,10 @@ impl Frame {
             frame.get(key).map(|node| node.text().map(String::from)).transpose()
         };
         let image = frame.need("file_path")?.text()?.to_owned();
-        let clean = image.trim_start_matches("./");
+        let clean = plain(&image);
         let name = match clean.rsplit_once('.') {
             Some((stem, extension)) if !stem.is_empty() && !extension.contains('/') => stem,
-            _ => clean,
+            _ => &clean,
         };
         Ok(Self {
             file: root.file().to_owned(),
@@ -318,14 +318,15 @@ impl Frame {
                 })?;
                 named_mask(opened, name, options)?
             }
-            _ => mask_file(opened, &mask_names("masks", &self.image), options)?,
+            _ => mask_file(opened, &mask_names("masks", &plain(&self.image)), options)?,
         };
         let unit = match self.depth_unit {
             Some(unit) => Unit::OfAll(unit),
-            // nerfstudio's default, millimetres, where numbers are whole; others are what they say.
+            // nerfstudio's default, millimetres, where numbers are whole. It takes a thousandth of others too, which here are what they
+            // say: whoever writes metres as floats means metres.
             None => Unit::OfIntegers(1e-3),
         };
-        let depth = depth::read(opened, self.depth.as_slice(), unit, &image.pixels, options)?;
+        let depth = depth::read(opened, self.depth.as_slice(), unit, options)?;
         let view = assemble(self.name.clone(), image, mask, camera, depth, options)?;
         let field = format!("{}: k1, k2, ..", self.field);
         straightened(view, self.distortion.as_ref(), options, (&self.file, &field))
@@ -360,7 +361,8 @@ pub fn write_transforms(views: &[View], folder: &Path) -> Result<(), WriteViewsE
 /// `val_filenames`, without which it refuses the file; the rest are its `train_filenames`. Without any there are no lists.
 ///
 /// The folder is made where it does not exist; files of the same name are replaced, each
-/// atomically, the JSON last. Every frame carries its own intrinsics.
+/// atomically, the JSON last. Every frame carries its own intrinsics. Depth is in the unit of the poses; nerfstudio, whose
+/// default is thousandths of that, has to be told: `depth_unit_scale_factor=1` of its data parser.
 ///
 /// # Errors
 /// If a file cannot be written, or a camera has parallel rays, which the layout cannot say.

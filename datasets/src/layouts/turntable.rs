@@ -43,7 +43,7 @@ pub(crate) fn list<'a>(
         .into_iter()
         .enumerate()
         .map(|(index, name)| -> Pending<'a> {
-            Box::new(move |opened| {
+            Pending::new(without_extension(&name).to_owned(), move |opened| {
                 let image = read_image_file(opened, &name, "image")?;
                 let (width, height) = (image.pixels.width, image.pixels.height);
                 let camera = table.camera(index, width, height);

@@ -86,3 +86,18 @@ pub(crate) fn zipped(folder: &Path) -> (tempfile::TempDir, PathBuf) {
     zip.finish().unwrap();
     (out, path)
 }
+
+/// Gives a PNG an EXIF orientation.
+pub(crate) fn orient(path: &Path, orientation: u8) {
+    let mut bytes = std::fs::read(path).unwrap();
+    // One entry of a big-endian TIFF: tag 0x112, a short.
+    let mut chunk = b"eXIfMM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0".to_vec();
+    chunk.extend([orientation, 0, 0, 0, 0, 0, 0]);
+    let length = (chunk.len() as u32 - 4).to_be_bytes();
+    let crc = !chunk.iter().fold(!0_u32, |crc, &b| {
+        (0..8).fold(crc ^ u32::from(b), |c, _| (c >> 1) ^ (0xedb8_8320 & 0_u32.wrapping_sub(c & 1)))
+    });
+    // Behind the signature and IHDR.
+    bytes.splice(33..33, [&length[..], &chunk, &crc.to_be_bytes()].concat());
+    std::fs::write(path, bytes).unwrap();
+}

@@ -191,7 +191,9 @@ fn cameras_that_are_none_are_named() {
     });
     assert_names(&not_a_number, &["3_metadata.json", "camera_properties.focal_length", "NaN"]);
     let infinite = spoilt(|f| {
-        edit(&f.join("3_metadata.json"), |text| text.replacen("[[", "[[Infinity,0,0,0],[", 1));
+        edit(&f.join("3_metadata.json"), |text| {
+            text.replacen("\"tf_mat\":[[", "\"tf_mat\":[[Infinity,0,0,0],[", 1)
+        });
     });
     assert_names(&infinite, &["3_metadata.json", "tf_mat"]);
     let singular = spoilt(|f| {
@@ -260,7 +262,19 @@ fn cameras_that_see_nothing_are_refused() {
             }
         }
     });
-    assert_names(&read(folder.path()).unwrap_err(), &["transform_matrix", "6 of 6 cameras"]);
+    let error = read(folder.path()).unwrap_err();
+    assert_names(&error, &["transform_matrix", "6 of 6 cameras", "y up", "--axes", "opencv"]);
+    let folder = tempfile::tempdir().unwrap();
+    let mut views = crate::common::ball(6);
+    for view in &mut views {
+        for row in [0, 2] {
+            view.camera.rotation.row_mut(row).neg_mut();
+            view.camera.translation[row] *= -1.0;
+        }
+    }
+    datasets::write_colmap(&views, folder.path(), datasets::ColmapForm::Text).unwrap();
+    let error = read(folder.path()).unwrap_err();
+    assert_names(&error, &["6 of 6 cameras", "y down, looking along +z", "--poses"]);
     // One stray among many is a warning.
     let folder = kaolin_folder(6);
     edit_json(&folder.path().join("2_metadata.json"), |v| {

@@ -9,6 +9,7 @@ mod distortion;
 mod layouts;
 mod opened;
 mod paths;
+mod peculiar;
 mod photos;
 mod pixel2mesh;
 mod projections;

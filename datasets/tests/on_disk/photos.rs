@@ -221,6 +221,27 @@ mod pascal3d {
     }
 
     #[test]
+    fn lists_of_the_release_are_the_subsets() {
+        let copy = copied("pascal3d");
+        let subsets = || -> Vec<_> {
+            let dataset = Pascal3d::open(copy.path()).unwrap();
+            dataset.entries().iter().map(|entry| entry.subset).collect()
+        };
+        assert_eq!(subsets(), [None, None]);
+        let write = |name: &str, text: &str| {
+            let path = copy.path().join(name);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(path, text).unwrap();
+        };
+        write("Image_sets/aeroplane_imagenet_train.txt", "n02690373_16\nn02690373_17\n");
+        write(
+            "PASCAL/VOCdevkit/VOC2012/ImageSets/Main/aeroplane_val.txt",
+            "2008_000003  1\n2008_000021 -1\n",
+        );
+        assert_eq!(subsets(), [Some(Subset::Train), Some(Subset::Test)]);
+    }
+
+    #[test]
     fn vocs_picture_of_objects_is_the_mask() {
         let pascal = open();
         assert_masked(&read(&pascal, 1).views[0], &vertices());

@@ -62,7 +62,7 @@ fn dataset() -> tempfile::TempDir {
     ] {
         r2n2::write_object(root.path(), synset, model, &ball(4), &truth()).unwrap();
         assert!(r2n2::is_complete(root.path(), synset, model));
-        splits.insert(synset, model, subset, vec![0, 2]);
+        splits.insert(synset, model, subset, Vec::new());
     }
     r2n2::write_splits(root.path(), &splits).unwrap();
     root
@@ -82,7 +82,7 @@ fn what_is_written_is_read() {
     assert_eq!(names, [("02691156", "c"), ("02958343", "a"), ("02958343", "b")]);
     let subsets: Vec<_> = dataset.entries().iter().map(|e| e.subset.unwrap()).collect();
     assert_eq!(subsets, [Subset::Validation, Subset::Train, Subset::Test]);
-    assert_eq!(dataset.splits().of("02958343", "a")[0].views, [0, 2]);
+    assert!(dataset.splits().of("02958343", "a")[0].views.is_empty());
     assert!(dataset.warnings().is_empty());
     let (views, renderings) = (read(&dataset, 1), ball(4));
     for (view, rendering) in views.iter().zip(&renderings) {
@@ -109,6 +109,46 @@ fn what_is_written_is_read() {
     let mut other = views[2].clone();
     other.camera = Camera::look_at([0.0, 1.0, 3.0], [0.0; 3], [0.0, 1.0, 0.0], 0.8, WIDTH, HEIGHT);
     assert!(Rendering::from_view(&other).is_err());
+}
+
+#[test]
+fn of_an_object_the_views_of_its_subset_are_read() {
+    let root = dataset();
+    let split = |parts: &[(Subset, &[usize])]| {
+        let mut splits = r2n2::Splits::default();
+        for (subset, views) in parts {
+            splits.insert("02958343", "a", *subset, views.to_vec());
+        }
+        r2n2::write_splits(root.path(), &splits).unwrap();
+        R2n2::open(root.path()).unwrap()
+    };
+    let names = |dataset: &R2n2| -> Vec<String> {
+        read(dataset, 1).into_iter().map(|view| view.name).collect()
+    };
+    let some = split(&[(Subset::Train, &[3, 1, 9])]);
+    assert_eq!((some.entries()[1].views, names(&some)), (2, vec!["01".into(), "03".into()]));
+    let second = some.views(1, Some(&[1]), &ReadOptions::default(), &|_, _| {}).unwrap().views;
+    assert_eq!(second[0].name, "03");
+    assert_eq!(some.normals(1, 1).unwrap(), ball(4)[3].normals);
+    assert!(some.warnings().is_empty());
+    // Of several subsets none has it, and that is said.
+    let several = split(&[(Subset::Train, &[0, 1]), (Subset::Test, &[2])]);
+    assert_eq!((several.entries()[1].subset, names(&several).len()), (None, 4));
+    assert!(several.warnings()[0].contains("the first is 02958343/a"), "{several:?}");
+}
+
+#[test]
+fn depth_of_an_earlier_writing_is_gone() {
+    let root = dataset();
+    let mut views = ball(4);
+    for view in &mut views {
+        (view.depth, view.normals) = (None, None);
+    }
+    r2n2::write_object(root.path(), "02958343", "a", &views, &Truth::default()).unwrap();
+    let dataset = R2n2::open(root.path()).unwrap();
+    assert!(read(&dataset, 1).iter().all(|view| view.depth.is_none()));
+    assert_eq!(dataset.normals(1, 0).unwrap(), None);
+    assert_eq!(dataset.truth(1).unwrap(), truth());
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::common::{ball, edit_json, read, transforms_folder};
+use crate::common::{ball, edit_json, orient, read, transforms_folder};
 use datasets::{
     CameraAxes, ColmapForm, MaskSource, PoseDirection, ReadOptions, View, ViewsProblem, read_views,
     write_colmap,
@@ -317,6 +317,27 @@ fn depth_in_whole_millimetres_is_read() {
         value.as_object_mut().unwrap().remove("depth_unit_scale_factor");
     });
     assert_eq!(read_depth().data[2], 1502.0);
+    // Whole numbers are millimetres in an array too.
+    let write = |kind: &str, [height, width]: [usize; 2]| {
+        let header = format!(
+            "{{'descr': '{kind}', 'fortran_order': False, 'shape': ({height}, {width}), }}"
+        );
+        let mut bytes = b"\x93NUMPY\x01\0".to_vec();
+        bytes.extend((header.len() as u16).to_le_bytes());
+        bytes.extend(header.bytes());
+        bytes.extend((0..height * width).flat_map(|k| (1500 + k as u16).to_le_bytes()));
+        std::fs::write(folder.path().join("d.npy"), bytes).unwrap();
+    };
+    write("<u2", [size.height, size.width]);
+    assert!((read_depth().data[2] - 1.502).abs() < 1e-6);
+    // Half the size is brought to that of the image, another shape is not.
+    write("<u2", [size.height / 2, size.width / 2]);
+    let depth = read_depth();
+    assert_eq!((depth.height, depth.width), (size.height, size.width));
+    assert!((depth.data[2] - 1.501).abs() < 1e-6, "{}", depth.data[2]);
+    write("<u2", [size.height, size.height]);
+    let error = read_with(folder.path(), &options).unwrap_err();
+    assert!(error.to_string().contains("d.npy"), "{error}");
 }
 
 #[test]
@@ -401,4 +422,64 @@ fn masks_are_closed_before_holes_are_filled() {
     // A disk's closing rounds what a disk does not fit into.
     assert!(off(&ReadOptions { dilate: 2, erode: 2, ..options.clone() }) <= 4);
     assert!(off(&ReadOptions { dilate: 2, ..options }) > 50);
+}
+
+#[test]
+fn colmap_counts_pixels_as_they_are_stored() {
+    let written = ball(3);
+    let folder = tempfile::tempdir().unwrap();
+    write_colmap(&written, folder.path(), ColmapForm::Text).unwrap();
+    let masks = tempfile::tempdir().unwrap();
+    for (name, orientation) in [("0000.png", 3), ("0001.png", 6)] {
+        let mask = masks.path().join(name);
+        write_png(&mask, &written[usize::from(orientation == 6)].mask).unwrap();
+        orient(&mask, orientation);
+        orient(&folder.path().join("images").join(name), orientation);
+        let beside = folder.path().join("masks").join(name);
+        if beside.exists() {
+            orient(&beside, orientation);
+        }
+    }
+    write_png(masks.path().join("0002.png"), &written[2].mask).unwrap();
+    let apart = ReadOptions { masks: Some(masks.path().into()), ..ReadOptions::default() };
+    for options in [ReadOptions::default(), apart] {
+        let views = read_with(folder.path(), &options).unwrap().views;
+        for (a, b) in views.iter().zip(&written) {
+            assert_eq!((&a.color, &a.mask), (&b.color, &b.mask), "{}", a.name);
+        }
+    }
+}
+
+#[test]
+fn an_orientation_that_makes_another_size_says_what_to_do() {
+    let folder = transforms_folder(2);
+    orient(&folder.path().join("images/0001.png"), 6);
+    let text = read(folder.path()).unwrap_err().to_string();
+    assert!(text.contains("frames[1].w, h") && text.contains("exiftool"), "{text}");
+    let folder = tempfile::tempdir().unwrap();
+    write_colmap(&ball(2), folder.path(), ColmapForm::Text).unwrap();
+    let image = folder.path().join("images/0001.png");
+    write_png(&image, &mesh_core::ByteImage::new(40, 30, 3)).unwrap();
+    orient(&image, 6);
+    let text = read(folder.path()).unwrap_err().to_string();
+    assert!(text.contains("0001.png") && text.contains("auto-orient"), "{text}");
+}
+
+#[test]
+fn masks_of_labels_in_sixteen_bits_are_read() {
+    let folder = transforms_folder(2);
+    let mask = ball(2)[0].mask.clone();
+    let file = std::fs::File::create(folder.path().join("masks/0000.png")).unwrap();
+    let mut encoder = png::Encoder::new(file, mask.width as u32, mask.height as u32);
+    encoder.set_depth(png::BitDepth::Sixteen);
+    let labels: Vec<u8> = mask.data.iter().flat_map(|&m| [0, u8::from(m != 0)]).collect();
+    encoder.write_header().unwrap().write_image_data(&labels).unwrap();
+    let red = mesh_core::ByteImage {
+        channels: 3,
+        data: ball(2)[1].mask.data.iter().flat_map(|&m| [m, 0, 0]).collect(),
+        ..mask.clone()
+    };
+    write_png(folder.path().join("masks/0001.png"), &red).unwrap();
+    let views = read(folder.path()).unwrap().views;
+    assert_eq!((&views[0].mask, &views[1].mask), (&mask, &ball(2)[1].mask));
 }

@@ -30,6 +30,11 @@ impl Orientation {
         Self::LeftBottom,
     ];
 
+    /// Whether rows of the file are columns of the scene.
+    pub(super) fn is_lying(self) -> bool {
+        matches!(self, Self::LeftTop | Self::RightTop | Self::RightBottom | Self::LeftBottom)
+    }
+
     /// That of an EXIF block, with or without its first six bytes; `None` where it says nothing that can be read.
     pub(super) fn of(exif: &[u8]) -> Option<Self> {
         /// The tag, and its type: one unsigned number of 16 bits.

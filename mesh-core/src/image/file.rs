@@ -45,7 +45,48 @@ pub fn decode_image_with(
     name: impl AsRef<Path>,
     limits: &Limits,
 ) -> Result<ByteImage, ImageError> {
-    decode(bytes, name.as_ref(), limits).map(Decoded::into_bytes)
+    StoredImage::decode(bytes, name, limits).map(|image| image.upright().into_bytes())
+}
+
+/// A picture as its file has it, for those who count its pixels as programs do that ignore the EXIF orientation, and for pictures whose
+/// numbers are labels.
+#[derive(Debug)]
+pub struct StoredImage(Decoded);
+
+impl StoredImage {
+    /// Of a PNG or JPEG in memory; `name` stands for it in errors.
+    ///
+    /// # Errors
+    /// As [`read_image`].
+    pub fn decode(
+        bytes: &[u8],
+        name: impl AsRef<Path>,
+        limits: &Limits,
+    ) -> Result<Self, ImageError> {
+        decode(bytes, name.as_ref(), limits).map(Self)
+    }
+
+    /// Whether the EXIF orientation makes columns of the stored rows.
+    pub fn is_lying(&self) -> bool {
+        self.0.orientation.is_lying()
+    }
+
+    /// The EXIF orientation applied: the top of the scene in row 0.
+    #[must_use]
+    pub fn upright(self) -> Self {
+        Self(self.0.upright())
+    }
+
+    /// 1 to 4 channels as the file has them, 16 bits rounded to 8.
+    pub fn into_bytes(self) -> ByteImage {
+        self.0.into_bytes()
+    }
+
+    /// The same, but 16 bits whose colours are all below 256 stay the numbers that they are: labels, of which rounding would leave
+    /// nothing.
+    pub fn into_labels(self) -> ByteImage {
+        self.0.into_labels()
+    }
 }
 
 /// Reads depth from a grey PNG, as nerfstudio (16 bits, millimetres) and BOP keep it.
@@ -81,7 +122,7 @@ pub fn decode_depth_png_with(
     unit: f32,
     limits: &Limits,
 ) -> Result<DepthMap, ImageError> {
-    let decoded = decode(bytes, name.as_ref(), limits)?;
+    let decoded = decode(bytes, name.as_ref(), limits)?.upright();
     if decoded.is_colored() {
         return Err(ImageError::Colored { path: name.as_ref().to_owned() });
     }
@@ -120,7 +161,7 @@ pub(super) fn read_bytes(path: &Path) -> Result<Vec<u8>, ImageError> {
     regular(path).map_err(|source| ImageError::Io { path: path.to_owned(), source })
 }
 
-/// Pixels of bytes whose header claims no more than the limits allow and the bytes can hold, the top of the scene in row 0.
+/// Pixels of bytes whose header claims no more than the limits allow and the bytes can hold, as they are stored.
 fn decode(bytes: &[u8], name: &Path, limits: &Limits) -> Result<Decoded, ImageError> {
     if bytes.starts_with(png::SIGNATURE) {
         return png::decode(bytes, name, limits);
@@ -214,6 +255,28 @@ mod tests {
         let turned = decode_image(&jpeg(6), "a.jpg").unwrap();
         assert_eq!((turned.height, turned.width), (32, 16));
         assert!(turned.pixel(4, 8)[0] > 250 && turned.pixel(28, 8)[0] < 5);
+        let stored = StoredImage::decode(&jpeg(6), "a.jpg", &Limits::default()).unwrap();
+        assert!(stored.is_lying());
+        assert_eq!(stored.into_bytes(), upright);
+    }
+
+    #[test]
+    fn sixteen_bits_of_labels_are_not_rounded() {
+        let labels = |color: ::png::ColorType, values: &[u16]| {
+            let mut png = Vec::new();
+            let mut encoder = ::png::Encoder::new(&mut png, 2, 1);
+            encoder.set_color(color);
+            encoder.set_depth(::png::BitDepth::Sixteen);
+            let raw: Vec<u8> = values.iter().flat_map(|v| v.to_be_bytes()).collect();
+            encoder.write_header().unwrap().write_image_data(&raw).unwrap();
+            let image = StoredImage::decode(&png, "a.png", &Limits::default()).unwrap();
+            image.into_labels().data
+        };
+        assert_eq!(labels(::png::ColorType::Grayscale, &[0, 1]), [0, 1]);
+        assert_eq!(labels(::png::ColorType::Grayscale, &[3, 255]), [3, 255]);
+        assert_eq!(labels(::png::ColorType::Grayscale, &[1, 65535]), [0, 255]);
+        let with_alpha = ::png::ColorType::GrayscaleAlpha;
+        assert_eq!(labels(with_alpha, &[0, 65535, 1, 0]), [0, 255, 1, 0]);
     }
 
     #[test]

@@ -45,8 +45,8 @@ pub(super) fn decode(bytes: &[u8], name: &Path, limits: &Limits) -> Result<Decod
     if !has_end(bytes) {
         return Err(undecodable(name)("the JPEG ends too early, copy it again"));
     }
-    let decoded = Decoded { height, width, channels, deep: false, data };
-    Ok(decoded.upright(orientation.unwrap_or_default()))
+    let orientation = orientation.unwrap_or_default();
+    Ok(Decoded { height, width, channels, deep: false, data, orientation })
 }
 
 /// Whether the image's own end is there: a thumbnail, within a segment before the first scan, has another, and phones put more

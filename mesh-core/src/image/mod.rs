@@ -32,8 +32,8 @@ pub use error::ImageError;
 pub use exr::{decode_depth, decode_depth_with, encode_depth, encode_exr, read_depth, write_depth};
 #[cfg(feature = "images")]
 pub use file::{
-    decode_depth_png, decode_depth_png_with, decode_image, decode_image_with, encode_png,
-    read_depth_png, read_image, read_image_with, write_png,
+    StoredImage, decode_depth_png, decode_depth_png_with, decode_image, decode_image_with,
+    encode_png, read_depth_png, read_image, read_image_with, write_png,
 };
 pub use ground::GroundPlane;
 #[cfg(feature = "images")]

@@ -50,8 +50,9 @@ pub(super) fn decode(bytes: &[u8], name: &Path, limits: &Limits) -> Result<Decod
         channels: color.samples(),
         deep: depth == BitDepth::Sixteen,
         data,
+        orientation: orientation.unwrap_or_default(),
     };
-    Ok(decoded.upright(orientation.unwrap_or_default()))
+    Ok(decoded)
 }
 
 /// Columns and rows, by the header.

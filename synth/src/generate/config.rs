@@ -6,7 +6,7 @@ use train::settings::{LARGEST, Options as _};
 use crate::shapes::Family;
 use crate::{Lighting, Monocular, NormalSpace, PoseNoise, RenderOptions};
 
-/// What the images of an object may take.
+/// What the images of all objects that are drawn at the same time may take.
 const MOST_BYTES: u64 = 16_000_000_000;
 
 /// The configuration, in the root of the dataset.
@@ -145,6 +145,12 @@ impl GenerateConfig {
         wrong
     }
 
+    /// How many objects may be drawn at the same time for their images to stay within the memory that they may take: at least one.
+    pub(super) fn objects_at_once(&self) -> usize {
+        let most = MOST_BYTES / self.bytes_of_an_object().max(1);
+        usize::try_from(most).unwrap_or(usize::MAX).max(1)
+    }
+
     /// What all images of an object take, which are held together until they are written.
     fn bytes_of_an_object(&self) -> u64 {
         let options = self.render_options();
@@ -237,6 +243,8 @@ mod tests {
             ..GenerateConfig::default()
         };
         assert!(large(24).check().is_empty());
+        assert_eq!((large(24).objects_at_once(), large(59).objects_at_once()), (2, 1));
+        assert!(GenerateConfig::default().objects_at_once() > 1000);
         let wrong = large(1000).check();
         assert!(
             wrong.len() == 1 && wrong[0].contains("268 GB") && wrong[0].contains("fewer views"),

@@ -55,7 +55,8 @@
 //! - An object's files appear together or not at all, and what has appeared outlasts a power cut; a run that was stopped
 //!   is taken up by running it again.
 //! - The bytes are a function of the configuration alone, whatever the number of threads, however
-//!   often it was stopped. Adding objects or families moves no other.
+//!   often it was stopped. Adding objects or families changes no other object's files; which subset of `splits.json` an object is in
+//!   is dealt anew among those of its category, so that every one has its shares.
 
 mod claim;
 mod config;
@@ -120,7 +121,7 @@ pub struct Generated {
 ///
 /// # Cost
 /// Dominated by drawing: about 5 ms per core for a view of 137 x 137. Memory: the images of one
-/// object per thread.
+/// object per thread, of fewer objects where that is more than 16 GB.
 pub fn generate(
     config: &GenerateConfig,
     models: &[Model],
@@ -171,27 +172,27 @@ pub fn generate_shard(
         *done += views as u64;
         watch.tell(&Event::Progress { done: *done, total, text: String::new() });
     };
-    let results: Vec<Result<Option<ObjectInfo>, GenerateError>> = jobs
-        .par_iter()
-        .map(|job| {
-            if failed.load(Ordering::Relaxed) || cancel.is_cancelled() {
-                return Ok(None);
-            }
-            if let Some(info) = store.find(job) {
-                skipped.fetch_add(1, Ordering::Relaxed);
-                advance(config.views);
-                return Ok(Some(info));
-            }
-            // A fault ends the run: what others would still draw is not wanted.
-            let made = job.make(config, &|_, _| advance(1)).map_err(GenerateError::from);
-            let put = made.and_then(|made| store.put(made, config));
-            if put.is_err() {
-                failed.store(true, Ordering::Relaxed);
-            }
-            put.map(Some)
-        })
-        .collect();
-    let found = results.into_iter().collect::<Result<Vec<_>, _>>();
+    let make = |job: &&Job<'_>| -> Result<Option<ObjectInfo>, GenerateError> {
+        if failed.load(Ordering::Relaxed) || cancel.is_cancelled() {
+            return Ok(None);
+        }
+        if let Some(info) = store.find(job) {
+            skipped.fetch_add(1, Ordering::Relaxed);
+            advance(config.views);
+            return Ok(Some(info));
+        }
+        // A fault ends the run: what others would still draw is not wanted.
+        let made = job.make(config, &|_, _| advance(1)).map_err(GenerateError::from);
+        let put = made.and_then(|made| store.put(made, config));
+        if put.is_err() {
+            failed.store(true, Ordering::Relaxed);
+        }
+        put.map(Some)
+    };
+    // Each thread holds the images of an object: of large ones there may be fewer at a time than threads.
+    let batches = jobs.chunks(config.objects_at_once());
+    let results = batches.flat_map(|batch| batch.par_iter().map(make).collect::<Vec<_>>());
+    let found = results.collect::<Result<Vec<_>, _>>();
     // What was being written when it failed would only take the room.
     let found = found.inspect_err(|_| store.clear())?;
     let objects: Vec<ObjectInfo> = found.into_iter().flatten().collect();

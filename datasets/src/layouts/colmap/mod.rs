@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use mesh_core::DepthMap;
 
-use crate::assemble::{ImageFile, assemble, camera_of_size, read_image_file, without_extension};
+use crate::assemble::{IMAGE_BYTES, assemble, camera_of_size, read_image_file, without_extension};
 use crate::dataset::{Catalog, Dataset};
 use crate::error::ReadViewsError;
 use crate::layouts::single::SingleObject;
@@ -28,6 +28,8 @@ pub use write::{ColmapForm, write_colmap};
 use model::{Model, ModelImage, robust_bounds};
 use rig::Rigs;
 
+/// The first model of the mapper.
+const FIRST: &str = "sparse/0/";
 /// Models of tens of thousands of images fit.
 const MODEL_BYTES: u64 = 1 << 33;
 
@@ -42,6 +44,8 @@ pub(crate) struct Project {
     /// The folder of the images, with its slash.
     images: String,
     model: Model,
+    /// Another model of more images, its folder and how many.
+    larger: Option<(String, usize)>,
     /// Images whose own pose is not that of their frame and rig.
     moved: usize,
 }
@@ -51,7 +55,7 @@ type Found = (&'static str, ColmapForm);
 
 /// The model among the files of a source: binary before text, as COLMAP does.
 pub(crate) fn recognises(source: &Source) -> Option<Found> {
-    ["sparse/0/", "sparse/", ""].into_iter().find_map(|folder| {
+    [FIRST, "sparse/", ""].into_iter().find_map(|folder| {
         [ColmapForm::Binary, ColmapForm::Text].into_iter().find_map(|form| {
             let has = |noun: &str| source.has(&format!("{folder}{noun}.{}", form.extension()));
             (has("cameras") && has("images")).then_some((folder, form))
@@ -78,7 +82,8 @@ impl Project {
         let moved = place(&mut opened, (folder, form), &mut model)?;
         model.images.sort_by(|a, b| natural::compare(&a.name, &b.name));
         let (base, images) = images(source, folder, &model);
-        Ok(Self { folder: folder.to_owned(), form, base, images, model, moved })
+        let larger = larger(&mut opened, folder, model.images.len());
+        Ok(Self { folder: folder.to_owned(), form, base, images, model, larger, moved })
     }
 
     fn file(&self, source: &Source, noun: &str) -> PathBuf {
@@ -101,11 +106,18 @@ impl Project {
             if let Some(lens) = self.model.distorted(image).filter(|_| found.is_ok()) {
                 lenses.count(lens);
             }
-            reading.add(&image.name, found, options, move |(), opened| {
+            reading.add(without_extension(&image.name), found, options, move |(), opened| {
                 self.read_view(opened, image, &name, options)
             })?;
         }
-        reading.warnings.extend(lenses.sentence());
+        reading.warnings.extend(lenses.sentence(options));
+        if let Some((folder, count)) = &self.larger {
+            reading.warnings.push(format!(
+                "{folder} has a model of {count} images, {} of {}: to read that one, open its folder",
+                self.folder.trim_end_matches('/'),
+                self.model.images.len()
+            ));
+        }
         if self.moved > 0 {
             let extension = self.form.extension();
             reading.warnings.push(format!(
@@ -134,7 +146,7 @@ impl Project {
         let stem = without_extension(&image.name);
         let masks = mask_names(&format!("{}masks", self.base), &image.name);
         let mask = mask_file(opened, &masks, options)?;
-        let depth = if options.depth { self.depth(opened, image, &file)? } else { None };
+        let depth = if options.depth { self.depth(opened, image)? } else { None };
         let view = assemble(stem.to_owned(), file, mask, camera, depth, options)?;
         let field = format!("camera {} MODEL, {}", image.camera, image.name);
         straightened(view, distortion.as_ref(), options, (&files[0], &field))
@@ -145,15 +157,13 @@ impl Project {
         &self,
         opened: &mut Opened<'_>,
         image: &ModelImage,
-        file: &ImageFile,
     ) -> Result<Option<(PathBuf, DepthMap)>, ReadViewsError> {
         let names = ["geometric", "photometric"]
             .map(|kind| format!("{}stereo/depth_maps/{}.{kind}.bin", self.base, image.name));
         let source = opened.source();
         let Some(name) = names.iter().find(|name| source.has(name)) else { return Ok(None) };
         let path = source.locate(name);
-        let size = (file.pixels.width * file.pixels.height) as u64;
-        let bytes = opened.read(name, "depth", 4 * size + 64)?;
+        let bytes = opened.read(name, "depth", IMAGE_BYTES)?;
         let depth = depth_map(&bytes).ok_or_else(|| {
             let found = format!("{} bytes that begin otherwise", bytes.len());
             let expected = "WIDTH&HEIGHT&1& and as many 32-bit floats";
@@ -161,6 +171,30 @@ impl Project {
         })?;
         Ok(Some((path, depth)))
     }
+}
+
+/// The folder beside `sparse/0` whose model has most images, where that is more than `own`, and how many: the mapper begins
+/// a new one where images do not join, and the first need not be the largest.
+fn larger(opened: &mut Opened<'_>, folder: &str, own: usize) -> Option<(String, usize)> {
+    const MOST: usize = 100;
+    let source = opened.source();
+    let mut found = (folder == FIRST).then(|| (String::new(), own))?;
+    for place in (1..MOST).map(|k| format!("sparse/{k}")) {
+        let forms = [ColmapForm::Binary, ColmapForm::Text];
+        let name = |form: ColmapForm| format!("{place}/images.{}", form.extension());
+        let Some(form) = forms.into_iter().find(|form| source.has(&name(*form))) else { break };
+        // What is wrong with a model that is not read does not matter.
+        let Ok(bytes) = opened.read(&name(form), "images", MODEL_BYTES) else { continue };
+        let (mut model, path) = (Model::default(), source.locate(&name(form)));
+        let read = match form {
+            ColmapForm::Binary => binary::images(&bytes, &path, &mut model),
+            ColmapForm::Text => text::images(&bytes, &path, &mut model),
+        };
+        if read.is_ok() && model.images.len() > found.1 {
+            found = (place, model.images.len());
+        }
+    }
+    (found.1 > own).then_some(found)
 }
 
 /// Places the images as rigs and frames say, where the model has files of both; how many had another pose.

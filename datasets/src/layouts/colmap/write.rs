@@ -7,7 +7,7 @@ use std::path::Path;
 use mesh_core::{ColmapCamera, DepthMap, encode_png};
 use rayon::prelude::*;
 
-use crate::assemble::put;
+use crate::assemble::{put, remove};
 use crate::error::WriteViewsError;
 use crate::view::View;
 
@@ -43,7 +43,7 @@ struct Shot {
 /// `stereo/depth_maps/0000.png.geometric.bin`, 0 where there is none. The folder is made where it
 /// does not exist; files of the same name are replaced, each atomically, the model last. Cameras
 /// of one lens and size are one camera. What a reader prefers, a model of the other form, is
-/// removed, and so are the rigs and frames of an earlier one.
+/// removed, and so are the rigs and frames of an earlier one, and the depth of views that have none now.
 ///
 /// # Errors
 /// If a file cannot be written, or a camera has parallel rays, which COLMAP cannot say.
@@ -68,9 +68,13 @@ pub fn write_colmap(
             let name = format!("{i:04}.png");
             put(&folder.join("images").join(&name), &encode_png(&view.color))?;
             put(&folder.join(format!("masks/{name}.png")), &encode_png(&view.mask))?;
-            let Some(depth) = &view.depth else { return Ok(()) };
-            let path = folder.join(format!("stereo/depth_maps/{name}.geometric.bin"));
-            put(&path, &encode_depth_map(depth))
+            let [own, other] = ["geometric", "photometric"]
+                .map(|kind| folder.join(format!("stereo/depth_maps/{name}.{kind}.bin")));
+            remove(&other)?;
+            match &view.depth {
+                Some(depth) => put(&own, &encode_depth_map(depth)),
+                None => remove(&own),
+            }
         })
         .collect();
     results.into_iter().collect::<Result<(), _>>()?;
@@ -103,14 +107,6 @@ pub fn write_colmap(
         [form, other]
             .iter()
             .try_for_each(|form| remove(&model.join(format!("{noun}.{}", form.extension()))))?;
-    }
-    Ok(())
-}
-
-/// Removes what an earlier model left, if there is any.
-fn remove(stale: &Path) -> Result<(), WriteViewsError> {
-    if stale.exists() {
-        std::fs::remove_file(stale).map_err(|e| WriteViewsError::new(stale, e))?;
     }
     Ok(())
 }

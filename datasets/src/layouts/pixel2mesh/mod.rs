@@ -173,9 +173,11 @@ impl Dataset for Pixel2Mesh {
         let mut pending: Vec<Pending<'_>> = Vec::new();
         for &view in which.unwrap_or(&[0]) {
             assert!(view == 0, "views: view {view} of a sample, which has one");
-            pending.push(Box::new(|opened| {
+            let name = self.catalog.entries[object].name.as_str();
+            let name = name.rsplit('/').next().unwrap_or(name);
+            pending.push(Pending::new(name, move |opened| {
                 let image = if let Some(pixels) = read_sample(file)?.picture {
-                    ImageFile { path: file.clone(), pixels }
+                    ImageFile::new(file.clone(), pixels)
                 } else {
                     let png = file.with_extension("png");
                     let name = png.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -192,9 +194,7 @@ impl Dataset for Pixel2Mesh {
                 let auto = options.mask == MaskSource::Auto;
                 let mask = (auto && mask_from_alpha(&image.pixels).is_none())
                     .then(|| (file.clone(), not_white(&image.pixels)));
-                let name = self.catalog.entries[object].name.clone();
-                let name = name.rsplit('/').next().unwrap_or(&name).to_owned();
-                assemble(name, image, mask.into(), camera, None, options)
+                assemble(name.to_owned(), image, mask.into(), camera, None, options)
             }));
         }
         let (layout, warnings, poses) = (Layout::Pixel2Mesh, Vec::new(), "points");

@@ -97,6 +97,8 @@ pub struct R2n2 {
     /// The folder of each object, beside its entry.
     folders: Vec<PathBuf>,
     splits: Splits,
+    /// The views of each object that its subset has, where those are not all.
+    listed: Vec<Option<Vec<usize>>>,
     lens: R2n2Lens,
 }
 
@@ -118,16 +120,19 @@ impl R2n2 {
             .collect();
         let mut warnings = Vec::new();
         let splits = Splits::read(found.root.as_deref(), &found.categories(), &mut warnings)?;
-        let (mut folders, mut entries) = (Vec::new(), Vec::new());
+        let (mut folders, mut entries, mut listed) = (Vec::new(), Vec::new(), Vec::new());
         for (object, lines) in found.objects.into_iter().zip(lines) {
             let views = lines?.0.len();
+            let own = splits.views(&object.category, &object.name, views);
+            let views = own.as_ref().map_or(views, Vec::len);
+            listed.push(own);
             let subset = splits.subset(&object.category, &object.name);
             folders.push(object.folder);
             entries.push(Entry { category: object.category, name: object.name, views, subset });
         }
         let (path, lens) = (path.to_owned(), R2n2Lens::default());
         let catalog = Catalog { entries, warnings, ..Catalog::new(Layout::R2n2, &path) };
-        Ok(Self { catalog, root: found.root, folders, splits, lens })
+        Ok(Self { catalog, root: found.root, folders, splits, listed, lens })
     }
 
     /// The same objects through another lens.
@@ -150,13 +155,22 @@ impl R2n2 {
     /// If the object or the view does not exist.
     pub fn normals(&self, object: usize, view: usize) -> Result<Option<ByteImage>, ReadViewsError> {
         let source = Source::folder(&self.folders[object].join(RENDERING));
-        let line = Lines::read(&source)?.0.swap_remove(view);
+        let mut lines = Lines::read(&source)?.0;
+        let line = lines.swap_remove(self.listed(object, lines.len())[view]);
         let name = format!("{}_normal.png", line.stem());
         if !source.has(&name) {
             return Ok(None);
         }
         let image = read_image_file(&mut source.open()?, &name, "normals")?;
         Ok(Some(image.pixels.to_rgb()))
+    }
+
+    /// Which of so many views are an object's: those that the split has for its subset, or all.
+    fn listed(&self, object: usize, count: usize) -> Vec<usize> {
+        match &self.listed[object] {
+            Some(listed) => listed.iter().copied().filter(|&view| view < count).collect(),
+            None => (0..count).collect(),
+        }
     }
 
     /// The first of these files that is there.
@@ -197,27 +211,28 @@ impl Dataset for R2n2 {
         let folder = &self.folders[object];
         let source = Source::folder(&folder.join(RENDERING));
         let lines = Lines::read(&source)?.0;
-        let all: Vec<usize> = (0..lines.len()).collect();
+        let listed = self.listed(object, lines.len());
+        let all: Vec<usize> = (0..listed.len()).collect();
         let mut pending: Vec<Pending<'_>> = Vec::new();
         let mut warnings = Vec::new();
         for &view in which.unwrap_or(&all) {
-            let count = lines.len();
+            let count = listed.len();
             assert!(view < count, "views: view {view} of an object with {count}");
+            let view = listed[view];
             let line = &lines[view];
             if options.allow_missing && !source.has(&line.image) {
                 warnings.push(format!("view {view} is left out: {} is missing", line.image));
                 continue;
             }
             let (source, lens) = (&source, self.lens);
-            pending.push(Box::new(move |opened| {
+            pending.push(Pending::new(line.stem(), move |opened| {
                 let image = read_image_file(opened, &line.image, "image")?;
                 let camera = lens.camera(line, image.pixels.width, image.pixels.height);
                 let field = format!("line {} with {lens:?}", view + 1);
                 let file = source.locate(metadata::FILE);
                 camera.validate().map_err(ReadViewsError::camera(file, field))?;
                 let depths = [format!("{}_depth.exr", line.stem())];
-                let depth =
-                    depth::read(opened, &depths, Unit::OfIntegers(1.0), &image.pixels, options)?;
+                let depth = depth::read(opened, &depths, Unit::OfIntegers(1.0), options)?;
                 assemble(line.stem().to_owned(), image, MaskFile::default(), camera, depth, options)
             }));
         }

@@ -60,6 +60,31 @@ impl Splits {
         rest.iter().all(|part| part.subset == first.subset).then_some(first.subset)
     }
 
+    /// The views of an object that are for its subset, of so many, ascending; `None` where that is all of them, or it has none.
+    pub(super) fn views(&self, synset: &str, model: &str, count: usize) -> Option<Vec<usize>> {
+        self.subset(synset, model)?;
+        let parts = self.of(synset, model);
+        if parts.iter().any(|part| part.views.is_empty()) {
+            return None;
+        }
+        let mut views: Vec<usize> = parts.iter().flat_map(|part| part.views.clone()).collect();
+        views.retain(|&view| view < count);
+        views.sort_unstable();
+        views.dedup();
+        Some(views)
+    }
+
+    /// Says which objects are in several subsets, as views of theirs may be: such an object is in none.
+    fn warn(&self, warnings: &mut Vec<String>) {
+        let mut several =
+            self.objects.keys().filter(|(synset, model)| self.subset(synset, model).is_none());
+        let Some((synset, model)) = several.next() else { return };
+        warnings.push(format!(
+            "{} in several lists of the split, the first is {synset}/{model}: with all of its views it is in no subset",
+            counted_are(1 + several.count(), "object")
+        ));
+    }
+
     /// Whether nothing is said about any object.
     pub fn is_empty(&self) -> bool {
         self.objects.is_empty()
@@ -83,6 +108,7 @@ impl Splits {
                     warnings.push(format!("the split is that of {first}; {others} is not read"));
                 }
                 splits.read_json(&source, first, warnings)?;
+                splits.warn(warnings);
                 return Ok(splits);
             }
             splits.read_lists(&source, None)?;
@@ -90,11 +116,7 @@ impl Splits {
         for (category, folder) in categories {
             splits.read_lists(&Source::folder(folder), Some(category))?;
         }
-        let several = splits.objects.values().filter(|parts| parts.len() > 1).count();
-        if several > 0 {
-            warnings
-                .push(format!("{} in several lists of the split", counted_are(several, "object")));
-        }
+        splits.warn(warnings);
         Ok(splits)
     }
 

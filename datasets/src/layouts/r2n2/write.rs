@@ -7,7 +7,7 @@ use mesh_core::io::{binvox, obj};
 use mesh_core::{ByteImage, CameraError, DepthMap, R2n2View, encode_depth, encode_png};
 
 use super::{MESHES, POINTS, RENDERING, RENDERINGS, VOXELS, metadata, points};
-use crate::assemble::put;
+use crate::assemble::{put, remove};
 use crate::dataset::Truth;
 use crate::error::WriteViewsError;
 use crate::view::View;
@@ -66,8 +66,9 @@ impl Rendering {
 ///
 /// Folders are made where they do not exist. Every file is written atomically, and the metadata
 /// last, so that readers, and [`is_complete`], find the object whole or not at all; several
-/// objects may be written from several threads. The same input gives the same bytes. The last
-/// column of the metadata is the lens's true field of view, 49.13 degrees, unlike the originals'.
+/// objects may be written from several threads. The same input gives the same bytes.
+/// Depth and normals of an earlier writing that are not among these views are removed; the truth of one stays, since it may be
+/// ShapeNet's own. The last column of the metadata is the lens's true field of view, 49.13 degrees, unlike the originals'.
 ///
 /// # Errors
 /// If a file cannot be written, a name is not that of a folder, there is no view, an image, depth
@@ -105,11 +106,15 @@ pub fn write_object(
     for (i, view) in views.iter().enumerate() {
         let name = format!("{i:02}.png");
         put(&folder.join(&name), &encode_png(&view.rgba))?;
-        if let Some(depth) = &view.depth {
-            put(&folder.join(format!("{i:02}_depth.exr")), &encode_depth(depth))?;
+        let [depth, normals] =
+            ["depth.exr", "normal.png"].map(|end| folder.join(format!("{i:02}_{end}")));
+        match &view.depth {
+            Some(map) => put(&depth, &encode_depth(map))?,
+            None => remove(&depth)?,
         }
-        if let Some(normals) = &view.normals {
-            put(&folder.join(format!("{i:02}_normal.png")), &encode_png(normals))?;
+        match &view.normals {
+            Some(image) => put(&normals, &encode_png(image))?,
+            None => remove(&normals)?,
         }
         let R2n2View { azimuth, elevation, distance_ratio } = view.camera;
         let fov = 2.0 * (16.0_f64 / 35.0).atan().to_degrees();
