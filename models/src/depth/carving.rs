@@ -1,5 +1,6 @@
 //! What an image says for sure about the cells of what its camera sees.
 
+use super::config::DepthKind;
 use super::scenes::Scene;
 
 /// What is added to the logit of a cell that is known; the network's own say is left to the others.
@@ -7,20 +8,20 @@ const CERTAIN: f32 = 12.0;
 
 /// For each cell, row, column, step in depth: negative where it is empty, as beside the silhouette and before the surface that
 /// measured depth shows; positive where that surface runs through it; 0 where the image says nothing.
-/// Depth says something if it is `measured`.
+/// Depth says something if it is the true one.
 ///
 /// A cell before the surface's nearest one is left open: between two pixels the surface may come nearer than at either.
 ///
 /// # References
 /// Kutulakos and Seitz 2000, *A Theory of Shape by Space Carving*; Laurentini 1994, *The Visual Hull Concept*.
-pub(super) fn carved(scene: &Scene, cells: usize, measured: bool) -> Vec<f32> {
+pub(super) fn carved(scene: &Scene, cells: usize, depth: DepthKind) -> Vec<f32> {
     let side = scene.image.camera.width;
     let range = |i: usize| i * side / cells..((i + 1) * side).div_ceil(cells);
     let mut known = vec![0.0; cells.pow(3)];
     for (i, ray) in known.chunks_exact_mut(cells).enumerate() {
         let columns = range(i % cells);
         let pixels = range(i / cells).flat_map(|row| columns.clone().map(move |c| row * side + c));
-        carve(ray, pixels, scene, measured);
+        carve(ray, pixels, scene, depth == DepthKind::True);
     }
     known
 }

@@ -411,7 +411,7 @@ fn carving_empties_what_is_empty() {
         let config = RefineConfig { place, reach, ..config.clone() };
         let scenes = Scenes::synthetic(&config, 16).unwrap();
         let (_, scene) = scenes.trial(train::Subset::Train, 1, 0).unwrap();
-        let known = super::carving::carved(&scene, 16, true);
+        let known = super::carving::carved(&scene, 16, DepthKind::True);
         let share = |known_as: fn(f32) -> bool, occupied: bool| {
             let cells = known.iter().zip(&scene.depth_targets.cells);
             let chosen: Vec<bool> =

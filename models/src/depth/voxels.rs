@@ -28,12 +28,11 @@ pub struct Voxels {
     head: VoxelHead,
     threshold: f32,
     corner_aligned: bool,
-    carving: bool,
-    /// Whether the depth that the images bring is that of the surface.
-    measured: bool,
+    /// By which depth cells are carved, where they are.
+    carving: Option<DepthKind>,
     manifold: bool,
 }
-impl_module!(Voxels: f32 { head } fixed { threshold, corner_aligned, carving, measured, manifold });
+impl_module!(Voxels: f32 { head } fixed { threshold, corner_aligned, carving, manifold });
 
 /// Where a surface of `cells` along each axis of the cube goes if corner `i` stands where the middles of the first and the
 /// last cell are the ends: at `2 i / (cells - 1) - 1`.
@@ -127,8 +126,7 @@ impl MeshInit for Voxels {
             head,
             threshold: config.threshold as f32,
             corner_aligned,
-            carving,
-            measured: config.refine.depth == DepthKind::True,
+            carving: carving.then_some(config.refine.depth),
             manifold: config.manifold,
         }
     }
@@ -141,9 +139,11 @@ impl MeshInit for Voxels {
         let tape = coarsest.tape();
         let logits = tape.scope("voxels", || self.head.forward(coarsest));
         let cells = self.head.cells();
-        let carved = |scene: &&Scene| carved(scene, cells, self.measured);
-        let known: Vec<Vec<f32>> = scenes.iter().filter(|_| self.carving).map(carved).collect();
-        let logits = if self.carving {
+        let known: Vec<Vec<f32>> = match self.carving {
+            Some(depth) => scenes.iter().map(|scene| carved(scene, cells, depth)).collect(),
+            None => Vec::new(),
+        };
+        let logits = if self.carving.is_some() {
             let shape = [scenes.len(), cells, cells, cells];
             logits + stacked(tape, known.iter().map(|known| &known[..]), &shape)
         } else {

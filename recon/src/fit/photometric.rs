@@ -321,7 +321,7 @@ mod tests {
         let pulled = |radius: f32, turn: Option<usize>| {
             let maps = depths(radius);
             let seen = Seen { targets: &targets, images: &images, maps: &maps };
-            let views = turn.map_or((0..targets.len()).collect(), |turn| seen.part(turn));
+            let views = turn.map_or_else(|| (0..targets.len()).collect(), |turn| seen.part(turn));
             seen.pulls(&views, &ball.positions, &ball.faces, &faces, 0.0)
         };
         let (pulls, distance) = pulled(0.9, None);
