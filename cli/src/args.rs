@@ -225,9 +225,9 @@ stopped or killed goes on with --resume, and its result is that of a run that wa
 Examples:
   unsphere train img2mesh -o runs/look --preset tiny  a made clock, in seconds
   unsphere train img2mesh rendered_clock.zip -o runs/clock --max-size 256
-  unsphere train img2mesh --resume runs/clock --set epochs=80
+  unsphere train img2mesh --resume runs/clock --max-size 256 --set epochs=80
   unsphere train img2mesh mugs/ --from runs/clock -o runs/mugs
-  unsphere eval img2mesh --checkpoint runs/clock
+  unsphere eval img2mesh --checkpoint runs/clock --max-size 256
   tensorboard --logdir runs
 Several processes, of a build with feature mpi, share the shards of each batch:
   mpirun -n 4 unsphere train img2mesh mugs/ -o runs/mugs --set shards=4"

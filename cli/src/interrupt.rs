@@ -40,6 +40,7 @@ impl Interrupt {
                     // The program ends either way; a folder that resists is left.
                     let _ = std::fs::remove_dir_all(unfinished);
                 }
+                remark("stopped");
                 std::process::exit(130);
             }
             // At once: what is finished first may take a while.

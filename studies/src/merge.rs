@@ -55,9 +55,12 @@ pub fn merge(
     }
     let kept = store.kept(plan.ids())?;
     let claims = study.claims();
-    let missing = |job: &&crate::plan::PlannedJob| kept.iter().all(|kept| kept.job != job.id);
-    let left = plan.jobs.iter().filter(missing);
-    let left = left.map(|job| order.seeds.of(order.scale, job.is_claimed(&claims)).len()).sum();
+    let left = plan.jobs.iter().map(|job| {
+        let is_there = |seed: u64| kept.iter().any(|k| k.job == job.id && k.seed == seed);
+        let seeds = order.seeds.of(order.scale, job.is_claimed(&claims));
+        seeds.into_iter().filter(|&seed| !is_there(seed)).count()
+    });
+    let left = left.sum();
     let results = Results::of(study.name(), &plan.settings, order, &kept, left);
     let pages = Pages::of(study, &results, store.root());
     write_all(&pages, store.root())?;

@@ -14,6 +14,7 @@ use super::output::write_all;
 use super::pages::Pages;
 use super::plan::{Plan, PlannedJob};
 use super::results::Results;
+use super::scale::Scale;
 use super::store::{Kept, Store, result};
 use super::study::Study;
 use super::table::Tables;
@@ -23,6 +24,8 @@ use super::work::Work;
 /// What came of a study.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Reproduced {
+    /// How much was done of what is in the tables.
+    pub scale: Scale,
     /// The tables, as far as they came.
     pub tables: Tables,
     /// What holds; empty until every job is done, and in the quick form.
@@ -41,8 +44,9 @@ pub struct Reproduced {
 impl Reproduced {
     pub(crate) fn of(pages: Pages<'_>, ended: Ended, seconds: f64) -> Self {
         let close = pages.close();
+        let scale = pages.results.scale;
         let Pages { tables, claims, checks, .. } = pages;
-        Self { tables, claims, checks, close, ended, seconds }
+        Self { scale, tables, claims, checks, close, ended, seconds }
     }
 }
 

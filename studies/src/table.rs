@@ -132,7 +132,7 @@ impl Table {
                 let CellText { mean, interval, .. } = self.cell(row, column);
                 mean + &interval
             });
-            let label = std::iter::once(row.label.clone());
+            let label = std::iter::once(self.label(row));
             lines.push(label.chain(cells).chain([row.time()]).collect());
         }
         let length = |text: &String| text.chars().count();

@@ -191,7 +191,8 @@ pub enum RunError {
     },
     /// The data are not those that the run began with.
     #[error(
-        "{}: the data are not those that the run began with: its scores would be of two sets; to go on from its weights with other \
+        "{}: the data are not those that the run began with: its scores would be of two sets; if they are, say again how \
+         they were read (--max-size, --mask, ..); to go on from its weights with other \
          data, begin a run with --from {} and another folder",
         path.display(),
         path.display()

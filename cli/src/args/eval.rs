@@ -13,12 +13,12 @@ use super::values::{SUBSETS, one_of};
 #[command(
     after_help = "The scores are those of the training's own: of objects that are not trained on, in what the model was
 not given. What is for validation is there to choose by, as often as you like; what is for tests is scored
-once, when nothing is chosen any more. DATA is what the run was trained on unless it is said; a run on data
-that the system makes is scored on the same. --set may change what leaves the parameters as they are, the
+once, when nothing is chosen any more. DATA is what the run was trained on unless it is said, read as is said
+here (--max-size, --mask); a run on data that the system makes is scored on the same. --set may change what leaves the parameters as they are, the
 number of views for example.
 
 Examples:
-  unsphere eval img2mesh --checkpoint runs/clock
+  unsphere eval img2mesh --checkpoint runs/clock --max-size 256
   unsphere eval img2mesh --checkpoint runs/clock --set views=1 --json
   unsphere eval img2mesh --checkpoint runs/clock --split test
   unsphere eval img2mesh --checkpoint runs/clock other_clock.zip"

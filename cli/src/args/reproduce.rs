@@ -77,7 +77,7 @@ pub(crate) struct Reproduce {
     #[arg(long, value_name = "FOLDER", num_args = 1.., conflicts_with = "report")]
     pub(crate) merge: Vec<PathBuf>,
     /// Make tables and page again from results, a results.json or its folder, without training.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["seeds", "only", "quick", "data"])]
     pub(crate) report: Option<PathBuf>,
 }
 

@@ -6,7 +6,6 @@ use std::path::{Path, PathBuf};
 use models::OnnxValue;
 use models::predict::{Familiarity, Predictor};
 use serde::Serialize;
-use train::output::write_within;
 use train::report::counted;
 use train::{Checkpoint, CheckpointPath, Configuration, RunFolder, RunMetadata, Subset};
 
@@ -197,11 +196,7 @@ fn trained_on(
 
 /// Whole or not at all.
 fn write(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
-    let folder = path.parent().unwrap_or_else(|| Path::new(""));
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    write_within(folder, &name, bytes).map_err(|(path, error)| {
-        Failure::Other(format!("{}: cannot be written: {error}", path.display()))
-    })
+    mesh_core::io::write_atomic(path, |out| out.write_all(bytes)).map_err(Failure::other)
 }
 
 fn describe(exported: &Exported<'_>) -> String {

@@ -12,7 +12,7 @@ use synth::{Lighting, RenderOptions, Rendering, render_each};
 use train::output::OutputFolder;
 use train::report::counted;
 
-use crate::args::{Picture, Render};
+use crate::args::{Picture, Render, create};
 use crate::command::data::mask::one_each;
 use crate::console::Console;
 use crate::failure::Failure;
@@ -44,9 +44,7 @@ pub(crate) fn run(console: Console, arguments: &Render) -> Result<(), Failure> {
         return Err(Failure::Usage(text.to_owned()));
     }
     // Refusals come before the work.
-    let folder = (kind == Picture::Folder)
-        .then(|| OutputFolder::create(output, arguments.force))
-        .transpose()?;
+    let folder = (kind == Picture::Folder).then(|| create(output, arguments.force)).transpose()?;
     // Nothing is kept of what is not finished.
     let _interrupt = Interrupt::listen(folder.as_ref().map(OutputFolder::unfinished))?;
     let depth = arguments.depth.then(|| output.with_extension("exr"));

@@ -12,7 +12,7 @@ use studies::{
 use train::TrainError;
 use train::report::counted;
 
-use crate::args::{Global, Reproduce};
+use crate::args::{Global, Reproduce, refuse_existing};
 use crate::console::{Console, table};
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
@@ -26,7 +26,6 @@ const TICKS: usize = 1000;
 #[derive(Debug, Serialize)]
 struct Outcome<'a> {
     study: &'static str,
-    scale: Scale,
     #[serde(serialize_with = "train::path_text::serialize")]
     output: &'a Path,
     #[serde(flatten)]
@@ -126,13 +125,23 @@ fn one(
     out: &Path,
 ) -> Result<(), Failure> {
     let made = if let Some(from) = &arguments.report {
-        remake(study, from, out)
+        // Results that are there would no longer be those of the page beside them, and what is no results' is somebody else's.
+        if !out.join("results.json").exists() {
+            refuse_existing(
+                &["table.md", "report.html"].map(|name| out.join(name)),
+                arguments.force,
+            )?;
+        }
+        let made = remake(study, from, out).map_err(failed)?;
+        // Nothing is there that five seeds could be added to.
+        let made = Reproduced { close: Vec::new(), ..made };
+        return tell(console, study, out, &made);
     } else if arguments.merge.is_empty() {
         return make(console, &listen()?, study, order, out);
     } else {
         merge(study, &arguments.merge, out, order)
     };
-    tell(console, study, order.scale, out, &made.map_err(failed)?)
+    tell(console, study, out, &made.map_err(failed)?)
 }
 
 /// Where results go if nobody says where.
@@ -244,7 +253,7 @@ fn make(
     if !made.ended.is_cancelled() && order.scale != Scale::Quick {
         note_costs(study, out);
     }
-    tell(console, study, order.scale, out, &made)
+    tell(console, study, out, &made)
 }
 
 /// How far a job is by what it tells, from 0 to 1, and what goes on.
@@ -272,11 +281,10 @@ fn note_costs(study: &dyn Study, out: &Path) {
 fn tell(
     console: Console,
     study: &'static dyn Study,
-    scale: Scale,
     out: &Path,
     made: &Reproduced,
 ) -> Result<(), Failure> {
-    let outcome = Outcome { study: study.name(), scale, output: out, made };
+    let outcome = Outcome { study: study.name(), output: out, made };
     console.result(&outcome, describe)?;
     if made.ended.is_cancelled() {
         let text = format!("what is finished is in {}; the same command goes on", out.display());
@@ -324,7 +332,7 @@ fn describe(outcome: &Outcome<'_>) -> String {
         let _ = writeln!(text, "{passed}: {} ({})", check.text, check.found);
     }
     let output = outcome.output.display();
-    if !made.close.is_empty() && outcome.scale == Scale::Full {
+    if !made.close.is_empty() && made.scale == Scale::Full {
         let (study, jobs) = (outcome.study, made.close.join(","));
         let _ = writeln!(
             text,

@@ -220,3 +220,26 @@ fn what_five_seeds_may_decide_is_close() {
     let judged = verdict(&results, score("near").above(score("zero")));
     assert_eq!((judged.verdict, judged.close), (Verdict::Undecided, false), "{}", judged.found());
 }
+
+/// By the rule: on the border is on neither side, whichever side is claimed.
+#[test]
+fn an_end_at_the_border_decides_nothing() {
+    let judged = |side, low, high| {
+        let question = Question {
+            statistic: Statistic::Difference,
+            kind: "difference",
+            side,
+            border: 0.0,
+            perfect: None,
+        };
+        question.judge(Interval { estimate: 0.5 * (low + high), low, high }).0
+    };
+    for (low, high) in [(0.0, 5.0), (-5.0, 0.0), (0.0, 0.0)] {
+        for side in [Side::Below, Side::Above] {
+            assert_eq!(judged(side, low, high), Verdict::Undecided, "{low} {high}");
+        }
+    }
+    assert_eq!(judged(Side::Below, 1.0, 5.0), Verdict::Reversed);
+    assert_eq!(judged(Side::Below, -5.0, -1.0), Verdict::Holds);
+    assert_eq!(judged(Side::Above, -5.0, -1.0), Verdict::Reversed);
+}

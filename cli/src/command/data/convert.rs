@@ -10,7 +10,7 @@ use serde::Serialize;
 use train::output::OutputFolder;
 use train::report::counted;
 
-use crate::args::{Convert, WrittenLayout};
+use crate::args::{Convert, WrittenLayout, create};
 use crate::console::Console;
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
@@ -29,7 +29,7 @@ struct Converted<'a> {
 
 pub(crate) fn run(console: Console, arguments: &Convert) -> Result<(), Failure> {
     // Refusals come before the work.
-    let folder = OutputFolder::create(&arguments.to, arguments.force)?;
+    let folder = create(&arguments.to, arguments.force)?;
     // Nothing is kept of what is not finished.
     let _interrupt = Interrupt::listen(Some(folder.unfinished()))?;
     let options = ReadOptions { depth: true, ..arguments.reading.options() };

@@ -30,7 +30,7 @@ mod estimate {
     use train::output::OutputFolder;
 
     use super::{Console, Depth, Failure};
-    use crate::args::DepthModelKind;
+    use crate::args::{DepthModelKind, create};
     use crate::interrupt::Interrupt;
     use crate::progress::Progress;
 
@@ -55,7 +55,7 @@ mod estimate {
 
     pub(crate) fn run(console: Console, arguments: &Depth) -> Result<(), Failure> {
         // Refusals come before the work.
-        let folder = OutputFolder::create(&arguments.output, arguments.force)?;
+        let folder = create(&arguments.output, arguments.force)?;
         // Nothing is kept of what is not finished.
         let _interrupt = Interrupt::listen(Some(folder.unfinished()))?;
         let names = names(&arguments.pictures)?;

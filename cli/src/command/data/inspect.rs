@@ -8,7 +8,7 @@ use serde::Serialize;
 use train::output::OutputFolder;
 use train::report::counted;
 
-use crate::args::Inspect;
+use crate::args::{Inspect, create};
 use crate::console::{Console, table};
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
@@ -31,8 +31,7 @@ pub(crate) fn run(console: Console, arguments: &Inspect) -> Result<(), Failure> 
         let text = "--force replaces a folder: it goes with -o, without which none is written";
         return Err(Failure::Usage(text.to_owned()));
     }
-    let folder =
-        wanted.map(|path| OutputFolder::create(path, arguments.output.force)).transpose()?;
+    let folder = wanted.map(|path| create(path, arguments.output.force)).transpose()?;
     // Nothing is kept of what is not finished.
     let _interrupt = Interrupt::listen(folder.as_ref().map(OutputFolder::unfinished))?;
     let options = arguments.reading.options();

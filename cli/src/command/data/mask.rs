@@ -7,10 +7,10 @@ use std::path::{Path, PathBuf};
 use datasets::{Layout, MaskSource, OnInconsistent, ReadOptions, View, ViewsProblem, clean_mask};
 use mesh_core::{ByteImage, Camera, encode_png, read_image};
 use serde::Serialize;
-use train::output::{OutputFolder, disk};
+use train::output::disk;
 use train::report::counted;
 
-use crate::args::Mask;
+use crate::args::{Mask, create};
 use crate::console::Console;
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
@@ -49,7 +49,7 @@ pub(crate) fn run(console: Console, arguments: &Mask) -> Result<(), Failure> {
         }
     };
     // Refusals come before the work.
-    let folder = OutputFolder::create(&target, arguments.force)?;
+    let folder = create(&target, arguments.force)?;
     // Nothing is kept of what is not finished.
     let _interrupt = Interrupt::listen(Some(folder.unfinished()))?;
     let (mut views, named) = views(console, arguments)?;
