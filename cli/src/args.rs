@@ -287,13 +287,15 @@ pub(crate) struct Render {
     pub(crate) view: Vec<String>,
     /// Images on the turntable.
     #[arg(long, default_value_t = 48, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    #[arg(conflicts_with = "cameras")]
     pub(crate) frames: u32,
     /// How far above the object the turntable's camera stands, degrees.
     #[arg(long, default_value_t = 20.0, allow_negative_numbers = true, value_name = "DEGREES")]
-    #[arg(value_parser = degrees)]
+    #[arg(value_parser = degrees, conflicts_with = "cameras")]
     pub(crate) elevation: f64,
     /// Width and height of the turntable's images.
     #[arg(long, default_value_t = 400, value_parser = clap::value_parser!(u32).range(8..=8192))]
+    #[arg(conflicts_with = "cameras")]
     pub(crate) size: u32,
     /// Which axis of the mesh is up on the turntable: y, z, -y and so on.
     #[arg(

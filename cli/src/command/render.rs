@@ -43,6 +43,10 @@ pub(crate) fn run(console: Console, arguments: &Render) -> Result<(), Failure> {
         let text = "a .gif shows the turntable: --cameras and --depth need a folder after -o";
         return Err(Failure::Usage(text.to_owned()));
     }
+    if kind == Picture::Png && arguments.view.len() > 1 {
+        let text = "a .png shows one view: name one by --view, or a folder after -o";
+        return Err(Failure::Usage(text.to_owned()));
+    }
     // Refusals come before the work.
     let folder = (kind == Picture::Folder).then(|| create(output, arguments.force)).transpose()?;
     // Nothing is kept of what is not finished.

@@ -95,6 +95,9 @@ fn pictures_are_rendered_in_every_form() {
     run(["render", mesh, "-o", "one.png", "--view", "2", "--size", "32"]).ok();
     run(["render", mesh, "-o", "one.jpg", "--view", "2", "--size", "32"]).fails(2, &[".png"]);
     run(["render", mesh, "-o", "two.png", "--view", "99", "--size", "32"]).fails(2, &["99", "47"]);
+    run(["render", mesh, "-o", "two.png", "--view", "1", "--view", "2"]).fails(2, &["folder"]);
+    run(["render", mesh, "-o", "all", "--cameras", "made/views", "--size", "32"])
+        .fails(2, &["--cameras", "--size"]);
     run(["render", mesh, "-o", "all", "--cameras", "made/views", "--depth", "-q"]).ok();
     assert_eq!(files_in(&place.path().join("all")).len(), 20);
     let gif = std::fs::read(place.path().join("turn.gif")).unwrap();

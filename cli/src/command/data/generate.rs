@@ -144,6 +144,13 @@ fn configuration(arguments: &Generate, global: Global) -> Result<GenerateConfig,
     }
     config.layout = arguments.layout.unwrap_or(config.layout);
     config.cameras = arguments.cameras.unwrap_or(config.cameras);
+    let of_r2n2 = [("--points", arguments.points), ("--voxels", arguments.voxels)];
+    if config.layout != OutputLayout::R2n2
+        && let Some((option, _)) = of_r2n2.into_iter().find(|(_, number)| number.is_some())
+    {
+        let text = format!("{option} is of the layout r2n2 (--layout r2n2)");
+        return Err(Failure::Usage(text));
+    }
     config.objects = arguments.objects.unwrap_or(config.objects);
     config.views = arguments.views.unwrap_or(config.views);
     config.points = arguments.points.unwrap_or(config.points);
@@ -221,6 +228,8 @@ mod tests {
         let photos = config("--cameras collection --size 64x48 --depth monocular").unwrap();
         assert_eq!((photos.views, photos.width, photos.height), (1, 64, 48));
         assert_eq!((photos.depth, photos.monocular), (false, Some(Monocular::default())));
+        assert_eq!(config("--layout r2n2 --points 9").unwrap().points, 9);
+        assert!(config("--points 9").unwrap_err().contains("--layout r2n2"));
         assert_eq!(config("--cameras collection --views 3").unwrap().views, 3);
         assert_eq!(config("--cameras collection --set views=4").unwrap().views, 4);
         let folder = tempfile::tempdir().unwrap();
