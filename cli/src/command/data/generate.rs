@@ -5,8 +5,8 @@ use std::time::Instant;
 
 use serde::Serialize;
 use synth::generate::{
-    CameraSet, GenerateConfig, GenerateError, Generated, Model, ModelFolder, SplitList, UNFINISHED,
-    generate_shard,
+    CameraSet, GenerateConfig, GenerateError, Generated, Model, ModelFolder, OutputLayout,
+    SplitList, UNFINISHED, generate_shard,
 };
 use synth::progress::Event;
 use synth::shapes::Family;
@@ -207,7 +207,6 @@ mod tests {
     use crate::args::{Arguments, Command, DataVerb};
     use clap::Parser;
     use synth::Monocular;
-    use synth::generate::OutputLayout;
 
     #[allow(irrefutable_let_patterns, reason = "other verbs are to come")]
     fn config(line: &str) -> Result<GenerateConfig, String> {
