@@ -13,14 +13,8 @@ pub(crate) fn provenance(data: Option<&Path>) -> Provenance {
         cpu: cpu(),
         machine: format!("{} {}", std::env::consts::OS, std::env::consts::ARCH),
         command: typed_command(),
-        // Whoever goes on with a run may stand elsewhere.
-        data: data.map(whole_path).unwrap_or_default(),
+        data: data.map(|path| path.display().to_string()).unwrap_or_default(),
     }
-}
-
-fn whole_path(path: &Path) -> String {
-    let whole = std::path::absolute(path);
-    whole.as_deref().unwrap_or(path).display().to_string()
 }
 
 /// These facts of the making, by name, as results list them.

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use models::OnnxValue;
 use models::predict::{Familiarity, Predictor};
 use serde::Serialize;
+use train::output::disk;
 use train::report::counted;
 use train::{Checkpoint, CheckpointPath, Configuration, RunFolder, RunMetadata, Subset};
 
@@ -196,7 +197,12 @@ fn trained_on(
 
 /// Whole or not at all.
 fn write(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
-    mesh_core::io::write_atomic(path, |out| out.write_all(bytes)).map_err(Failure::other)
+    let failed = |error: &dyn std::fmt::Display| {
+        Failure::Other(format!("{}: cannot be written: {error}", path.display()))
+    };
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    folder.map_or(Ok(()), disk::make_folders).map_err(|error| failed(&error))?;
+    mesh_core::io::write_atomic(path, |out| out.write_all(bytes)).map_err(|error| failed(&error))
 }
 
 fn describe(exported: &Exported<'_>) -> String {
