@@ -65,7 +65,7 @@ impl Crossings {
         faces: &[[u32; 3]],
         progress: &(dyn Fn(usize, usize) + Sync),
     ) -> Self {
-        let scale = Scale::of(positions);
+        let scale = Scale::of(positions, faces);
         let mut placed = Faces::none(positions.len(), faces.len());
         placed.place(scale, positions, faces, 0..positions.len() as u32, 0..faces.len() as u32);
         let tree = Tree::new(&placed);
@@ -79,7 +79,7 @@ impl Crossings {
     /// # Cost
     /// Little for each vertex and face, and the comparison of the faces that have moved.
     pub(crate) fn update(&mut self, positions: &[[f32; 3]], faces: &[[u32; 3]], moved: &Moved) {
-        let scale = Scale::of(positions);
+        let scale = Scale::of(positions, faces);
         if scale != self.scale {
             *self = Self::of(positions, faces);
             return;
@@ -148,9 +148,10 @@ pub(crate) struct Moved {
 struct Scale(i32);
 
 impl Scale {
-    /// `None` if nothing is anywhere but in the origin.
-    fn of(positions: &[[f32; 3]]) -> Option<Self> {
-        let finite = positions.iter().filter(|p| p.iter().all(|x| x.is_finite()));
+    /// Of the corners of faces: a vertex that none names may be anywhere. `None` if nothing is anywhere but in the origin.
+    fn of(positions: &[[f32; 3]], faces: &[[u32; 3]]) -> Option<Self> {
+        let corners = faces.as_flattened().iter().filter_map(|&v| positions.get(v as usize));
+        let finite = corners.filter(|p| p.iter().all(|x| x.is_finite()));
         let largest = finite.flatten().fold(0.0_f64, |largest, &x| largest.max(f64::from(x).abs()));
         (largest > 0.0).then(|| Self(BITS - 1 - largest.log2().floor() as i32))
     }
@@ -394,5 +395,16 @@ mod tests {
             seen += moving.pairs.len();
         }
         assert!(seen > 100, "{seen}");
+    }
+
+    #[test]
+    fn a_vertex_that_no_face_names_changes_nothing() {
+        let ball = crate::primitives::icosphere(2);
+        let mut two = ball.clone();
+        let _ = two.append(&ball.translated([1.9, 0.0, 0.0]));
+        let found = two.self_intersections();
+        two.positions.push([1e13; 3]);
+        assert!(!found.is_empty());
+        assert_eq!(two.self_intersections(), found);
     }
 }

@@ -72,7 +72,11 @@ impl Examination {
             note(count > 0, format!("{count} {} {what}", if count == 1 { one } else { more }));
         }
         note(!health.oriented, "neighbouring faces of opposite orientation".into());
-        let inward = health.oriented && !health.outward && health.faces > 0;
+        // The volume of what is open says little.
+        let inward = health.oriented
+            && !health.outward
+            && health.faces > 0
+            && (health.volume == 0.0 || (health.volume < 0.0 && health.boundary_edges == 0));
         let text = match (health.volume == 0.0, health.area > 0.0) {
             (false, _) => "faces point inward",
             (true, true) => "it encloses no volume",
@@ -124,6 +128,17 @@ mod tests {
         inward.faces.iter_mut().for_each(|face| face.swap(0, 1));
         assert_eq!(inward.examined().to_string(), "no solid: faces point inward");
         assert_eq!(TriMesh::default().examined().to_string(), "no solid: no faces");
+        // A hollow in a sheet: below its border, and nothing about it is inside out.
+        let positions = vec![
+            [1.0, 1.0, 0.0],
+            [-1.0, 1.0, 0.0],
+            [-1.0, -1.0, 0.0],
+            [1.0, -1.0, 0.0],
+            [0.0, 0.0, -1.0],
+        ];
+        let pit = TriMesh::new(positions, vec![[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]);
+        assert!(pit.health().volume < 0.0);
+        assert_eq!(pit.examined().to_string(), "no solid: 4 edges with one face (holes)");
         let mut two = ball.clone();
         let _ = two.append(&ball.translated([1.9, 0.0, 0.0]));
         let found = two.examined();

@@ -9,7 +9,7 @@ use crate::{Topology, TriMesh};
 /// The state of a mesh, as plain numbers.
 ///
 /// Made by [`TriMesh::health`] for any mesh, however broken: faces that name vertices which do not
-/// exist are counted and otherwise left out, and so are coordinates that are not finite.
+/// exist are counted and otherwise left out. Where coordinates are not finite, volume and area are no numbers either.
 ///
 /// ```
 /// use mesh_core::primitives;

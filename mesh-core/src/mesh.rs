@@ -370,7 +370,7 @@ impl Texture {
         }
         let Image { height, width, channels, ref data } = self.image;
         let expected = height.checked_mul(width).and_then(|n| n.checked_mul(channels));
-        if expected != Some(data.len()) {
+        if expected != Some(data.len()) || data.is_empty() {
             let found = data.len();
             return Err(MeshError::TextureImageSize { found, height, width, channels });
         }

@@ -421,4 +421,23 @@ mod tests {
         let far = cube.translated([100.0, 0.0, 0.0]);
         assert_eq!(voxelize_solid(&far, [4; 3], BOX).count(), 0);
     }
+
+    /// A side that lies on a row of middles but for its last bits is almost along x: its plane goes on far beyond it.
+    #[test]
+    fn a_side_along_a_row_of_middles_leaves_no_rods() {
+        let place = |u: f32| f32::from_bits(0.5_f32.to_bits() + u as u32);
+        for order in
+            [[2.0, 0.0, 1.0, 3.0], [0.0, 3.0, 1.0, 2.0], [3.0, 1.0, 0.0, 2.0], [1.0, 2.0, 3.0, 0.0]]
+        {
+            let mut cube = crate::primitives::cuboid([1.0; 3]);
+            let mut ulps = order.into_iter();
+            for p in cube.positions.iter_mut().filter(|p| p[1] > 0.0) {
+                p[1] = place(ulps.next().unwrap());
+            }
+            let solid = voxelize_solid(&cube, [250; 3], ([-1.0; 3], [1.0; 3]));
+            let rods = solid.bits.iter().enumerate();
+            let rods = rods.filter(|(i, bit)| **bit && !(62..=187).contains(&(i % 250))).count();
+            assert_eq!(rods, 0, "{order:?}");
+        }
+    }
 }

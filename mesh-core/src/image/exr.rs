@@ -180,13 +180,14 @@ fn choose(names: &[&str]) -> Option<usize> {
     let rank = |name: &str| {
         let depth = name.to_lowercase().contains("depth");
         match (name, last(name).as_str()) {
-            ("Z" | "V", _) => Some(0),
-            (_, "Z" | "V" | "R" | "Y") if depth => Some(1),
-            ("R", _) => Some(3),
+            ("Z", _) => Some(0),
+            ("V", _) => Some(1),
+            (_, "Z" | "V" | "R" | "Y") if depth => Some(2),
+            ("R", _) => Some(4),
             // A layer's Z without X is its depth; with X it is a vector.
             (_, "Z") => {
                 let x = format!("{}X", &name[..name.len() - 1]);
-                (!names.contains(&x.as_str())).then_some(2)
+                (!names.contains(&x.as_str())).then_some(3)
             }
             _ => None,
         }
@@ -358,5 +359,12 @@ mod tests {
             }
             let _ = decode_depth(&bytes, "fuzz.exr");
         }
+    }
+
+    #[test]
+    fn z_goes_before_all_others() {
+        assert_eq!(choose(&["A", "V", "Z"]), Some(2));
+        assert_eq!(choose(&["R", "V"]), Some(1));
+        assert_eq!(choose(&["R", "depth.V"]), Some(1));
     }
 }

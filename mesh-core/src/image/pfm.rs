@@ -72,6 +72,10 @@ pub fn decode_pfm_with(
     let needed = u64::from(width) * u64::from(height);
     let needed = needed.saturating_mul(4 * channels as u64);
     let (width, height) = (width as usize, height as usize);
+    // A header whose lines end as Windows has them: one byte more than the numbers.
+    if needed.checked_add(1) == Some(rest.len() as u64) && rest[0] == b'\n' {
+        rest = &rest[1..];
+    }
     too_large(path, (width, height), needed, rest.len() as u64, bytes.len())?;
     // The file is as long as the image: that it has three channels of floats is no bomb.
     too_many(path, (width, height), needed / channels as u64, limits)?;
@@ -182,5 +186,13 @@ mod tests {
             bytes.truncate(cut.index(bytes.len()));
             let _ = decode_pfm(&bytes, "a");
         }
+    }
+
+    #[test]
+    fn lines_of_a_header_may_end_as_in_windows() {
+        let numbers = [1.0_f32, -2.5];
+        let mut bytes = b"Pf\r\n2 1\r\n-1.0\r\n".to_vec();
+        bytes.extend(numbers.iter().flat_map(|x| x.to_le_bytes()));
+        assert_eq!(decode_pfm(&bytes, "a.pfm").unwrap().data, numbers);
     }
 }

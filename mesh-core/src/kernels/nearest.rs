@@ -42,7 +42,7 @@ const HIERARCHY_PAIRS: usize = 1 << 20;
 /// such points are never chosen.
 ///
 /// # Cost
-/// `O((P + Q) log P)` where the sets lie near each other; `O(Q P)` below 2^18 pairs, and where all points are as near.
+/// `O((P + Q) log P)` where the sets lie near each other; `O(Q P)` below 2^20 pairs, and where all points are as near.
 /// # Panics
 /// If there are queries but no points, or more than `u32::MAX` points.
 pub fn nearest(queries: &[[f32; 3]], points: &[[f32; 3]]) -> Vec<Nearest> {

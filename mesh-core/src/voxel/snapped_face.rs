@@ -52,11 +52,16 @@ impl SnappedFace {
         })
     }
 
-    /// Where along x that row passes its plane.
+    /// Where along x that row passes it: its plane, within its corners. The plane of a face that is almost along x may be passed far beyond
+    /// these by a row that its snapped corners still hold.
     pub(super) fn crossing(&self, y: usize, z: usize) -> f64 {
         let (corner, normal) = (self.corners[0], self.normal);
         let away = [0.0, y as f64 + 0.5 - corner[1], z as f64 + 0.5 - corner[2]];
-        corner[0] - (normal[1] * away[1] + normal[2] * away[2]) / normal[0]
+        let x = corner[0] - (normal[1] * away[1] + normal[2] * away[2]) / normal[0];
+        let xs = self.corners.map(|corner| corner[0]);
+        let low = xs.into_iter().fold(f64::INFINITY, f64::min);
+        let high = xs.into_iter().fold(f64::NEG_INFINITY, f64::max);
+        if x.is_nan() { 0.5 * (low + high) } else { x.clamp(low, high) }
     }
 }
 

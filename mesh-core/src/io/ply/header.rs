@@ -50,6 +50,8 @@ pub(super) struct Header {
     pub(super) format: Format,
     pub(super) elements: Vec<Element>,
     pub(super) texture: Option<String>,
+    /// How many more are named.
+    pub(super) other_textures: usize,
     /// Where the numbers begin.
     pub(super) end: usize,
     /// How many lines the header has.
@@ -124,6 +126,7 @@ struct Draft {
     elements: Vec<Element>,
     names: BTreeSet<String>,
     texture: Option<String>,
+    other_textures: usize,
 }
 
 impl Draft {
@@ -134,7 +137,11 @@ impl Draft {
         match words.as_slice() {
             ["comment", "TextureFile", ..] => {
                 let name = line.text.split_once("TextureFile");
-                self.texture = name.map(|(_, name)| name.trim().to_owned());
+                let name = name.map(|(_, name)| name.trim().to_owned());
+                match &self.texture {
+                    None => self.texture = name,
+                    Some(first) => self.other_textures += usize::from(name.as_ref() != Some(first)),
+                }
             }
             [] | ["obj_info" | "comment", ..] => {}
             ["format", kind, _version] => {
@@ -224,9 +231,9 @@ pub(super) fn parse(
             break;
         }
     }
-    let Draft { format, elements, texture, .. } = draft;
+    let Draft { format, elements, texture, other_textures, .. } = draft;
     let format = format.ok_or_else(|| {
         ReadMeshError::malformed(path, "format", "no such line", "format ascii 1.0 or a binary one")
     })?;
-    Ok(Header { format, elements, texture, end: position, lines: number })
+    Ok(Header { format, elements, texture, other_textures, end: position, lines: number })
 }

@@ -48,7 +48,10 @@ pub(in crate::io) fn mesh(
         return Ok(mesh);
     };
     let texture = match root.find(root.folder(), &name) {
-        Ok(file) => Some(Texture { uvs, faces, image: texture(path, &file, limits)? }),
+        Ok(file) => {
+            counted(remarks, header.other_textures, |count| Remark::OtherTextures { count });
+            Some(Texture { uvs, faces, image: texture(path, &file, limits)? })
+        }
         Err(why) => {
             not_read(remarks, &name, why);
             None
