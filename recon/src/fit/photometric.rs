@@ -44,11 +44,8 @@ const FINE: Stage = Stage { side: 256, steps: 30, share: 0.2, sure: 0.0 };
 const ROUNDS: usize = 2;
 /// Weight of a pixel of depth beside one of outline.
 const WEIGHT: f32 = 0.05;
-/// Steps over which it is judged whether the surface still comes nearer: a multiple of the turns, so that like is compared with like.
-const WINDOW: usize = 12;
-/// Views take turns: every third is drawn and pulls in a step, three times as much, and outlines are of all. Surfaces come out as good
-/// as with all views in each step, in half the time.
-const TURNS: usize = 3;
+/// Steps over which it is judged whether the surface still comes nearer.
+const WINDOW: usize = 10;
 /// The least share by which it must.
 const TOLERANCE: f64 = 0.003;
 /// By how much the views must agree better, as a correlation.
@@ -190,9 +187,7 @@ fn follow(
     let drawn = Faces::of_valid(shape.positions.len(), &shape.faces);
     let mut distances = Vec::with_capacity(stage.steps);
     for k in 0..stage.steps {
-        let part = seen.part(k);
-        let (pulls, distance) =
-            seen.pulls(&part, &shape.positions, &shape.faces, &drawn, stage.sure);
+        let (pulls, distance) = seen.pulls(&shape.positions, &shape.faces, &drawn, stage.sure);
         let stays = |before: f64| distance > (1.0 - TOLERANCE) * before;
         let before = k.checked_sub(WINDOW).map(|before| distances[before]);
         if before.is_some_and(stays) || cancelled() {
@@ -211,17 +206,10 @@ fn follow(
 }
 
 impl Seen<'_> {
-    /// The views whose turn it is.
-    fn part(&self, step: usize) -> Vec<usize> {
-        let turns = TURNS.min(self.maps.len()).max(1);
-        (step % turns..self.maps.len()).step_by(turns).collect()
-    }
-
-    /// Of some of the views, counted as if they were all: the weighted gradient at each vertex of half the squared distance, in pixels of the views, of the surface to the depths, along
+    /// The weighted gradient at each vertex of half the squared distance, in pixels of the views, of the surface to the depths, along
     /// its normals; and the mean distance.
     fn pulls(
         &self,
-        views: &[usize],
         positions: &[[f32; 3]],
         faces: &[[u32; 3]],
         drawn: &Arc<Faces>,
@@ -229,7 +217,7 @@ impl Seen<'_> {
     ) -> (Vec<[f32; 3]>, f64) {
         let of_faces = face_normals(positions, faces);
         let of_vertices = vertex_normals(positions, faces);
-        let weight = WEIGHT * self.maps.len() as f32 / views.len() as f32;
+        let views: Vec<usize> = (0..self.maps.len()).collect();
         let part = |views: &[usize]| {
             let (mut sight, mut sums) = (Drawn::default(), vec![0.0; positions.len()]);
             let mut distance = [0.0; 2];
@@ -246,7 +234,7 @@ impl Seen<'_> {
             (sums, distance)
         };
         let parts: Vec<(Vec<f32>, [f64; 2])> = views.par_chunks(CHUNK).map(part).collect();
-        let total = |v: usize| weight * parts.iter().map(|(sums, _)| sums[v]).sum::<f32>();
+        let total = |v: usize| WEIGHT * parts.iter().map(|(sums, _)| sums[v]).sum::<f32>();
         let pulls = of_vertices.iter().enumerate();
         let pulls = pulls.map(|(v, normal)| normal.map(|n| total(v) * n)).collect();
         let [sum, count] =
@@ -318,13 +306,12 @@ mod tests {
             };
             images.iter().map(map).collect()
         };
-        let pulled = |radius: f32, turn: Option<usize>| {
+        let pulled = |radius: f32| {
             let maps = depths(radius);
             let seen = Seen { targets: &targets, images: &images, maps: &maps };
-            let views = turn.map_or_else(|| (0..targets.len()).collect(), |turn| seen.part(turn));
-            seen.pulls(&views, &ball.positions, &ball.faces, &faces, 0.0)
+            seen.pulls(&ball.positions, &ball.faces, &faces, 0.0)
         };
-        let (pulls, distance) = pulled(0.9, None);
+        let (pulls, distance) = pulled(0.9);
         let scale = targets[0].pixels_per_unit(3.0);
         assert!(
             (distance / f64::from(0.1 * scale) - 1.0).abs() < 0.15,
@@ -333,13 +320,7 @@ mod tests {
         );
         // Steps go against the gradient.
         assert!(pulls.iter().zip(&ball.positions).all(|(g, p)| dot(*g, *p) > 0.0));
-        // Whose turn it is, pulls for all.
-        let sum = |pulls: &[[f32; 3]]| pulls.iter().map(|g| dot(*g, *g).sqrt()).sum::<f32>();
-        for turn in 0..TURNS {
-            let share = sum(&pulled(0.9, Some(turn)).0) / sum(&pulls);
-            assert!((share - 1.0).abs() < 0.1, "{turn}: {share}");
-        }
-        let (pulls, distance) = pulled(1.0, None);
+        let (pulls, distance) = pulled(1.0);
         assert!(distance < 1e-3 && pulls.iter().flatten().all(|g| g.abs() < 1e-2), "{distance}");
     }
 }
