@@ -28,19 +28,17 @@ pub(crate) fn mask_from_image(image: &ByteImage) -> ByteImage {
         let gray = |p: &[u8]| {
             if c >= 3 { (p[0] as u16 + p[1] as u16 + p[2] as u16) / 3 } else { p[0] as u16 }
         };
-        let brightest = |p: &[u8]| {
-            u16::from(p[..if c >= 3 { 3 } else { 1 }].iter().copied().max().unwrap_or(0))
-        };
+        let strongest = |p: &[u8]| u16::from(strongest(p));
         let pixels = || image.data.chunks_exact(c);
         let parts = |of: &dyn Fn(&[u8]) -> u16, least: u16| {
             let object = pixels().filter(|p| of(p) >= least).count();
             object > 0 && object < image.height * image.width
         };
-        let least = if pixels().map(brightest).max() == Some(1) { 1 } else { 128 };
+        let least = if brightest(image) == 1 { 1 } else { 128 };
         let is_bright = pixels().any(|p| gray(p) >= least);
         // A picture that is coloured all over parts nothing.
         let of: &dyn Fn(&[u8]) -> u16 =
-            if !is_bright && parts(&brightest, least) { &brightest } else { &gray };
+            if !is_bright && parts(&strongest, least) { &strongest } else { &gray };
         let data = pixels().map(|p| if of(p) >= least { 255 } else { 0 }).collect();
         ByteImage { height: image.height, width: image.width, channels: 1, data }
     })
@@ -48,9 +46,13 @@ pub(crate) fn mask_from_image(image: &ByteImage) -> ByteImage {
 
 /// The largest value of an image of a mask, alpha aside.
 pub(crate) fn brightest(image: &ByteImage) -> u8 {
-    let colors = if image.channels >= 3 { 3 } else { 1 };
-    let of = |pixel: &[u8]| pixel[..colors].iter().copied().max();
-    image.data.chunks_exact(image.channels).filter_map(of).max().unwrap_or(0)
+    image.data.chunks_exact(image.channels).map(strongest).max().unwrap_or(0)
+}
+
+/// The largest of a pixel's colours.
+fn strongest(pixel: &[u8]) -> u8 {
+    let colors = if pixel.len() >= 3 { 3 } else { 1 };
+    pixel[..colors].iter().copied().max().unwrap_or(0)
 }
 
 /// Clears every part of the mask but the largest; the first found wins a tie.
