@@ -20,13 +20,10 @@ fn placed() -> Configuration<Img2MeshConfig> {
     config
 }
 
-/// A new stage leaves the mesh where it is; a trained one finds objects by where their outlines are seen, in other places than
-/// those that it was trained on.
+/// A new stage leaves the mesh where it is.
 #[test]
-fn stages_learn_from_where_vertices_are_seen() {
-    let place = tempfile::tempdir().unwrap();
-    let mut config = placed();
-    config.train.seed = 1;
+fn a_new_stage_moves_nothing() {
+    let config = placed();
     let data = Data::synthetic(&config.system).unwrap();
     let mut fresh = Img2Mesh::new(&config.system, 0);
     fresh.init_from_data(&data, None).unwrap();
@@ -36,20 +33,20 @@ fn stages_learn_from_where_vertices_are_seen() {
     let counts: Vec<usize> = sequence.iter().map(|mesh| mesh.positions.shape()[1]).collect();
     assert_eq!(counts, [42, 42, 162]);
     assert_eq!(sequence[0].positions.value(), sequence[1].positions.value());
+}
+
+/// One minus the mask IoU, in the mean of validation, of the first and of the last mesh of a system that is trained.
+fn errors(config: &Configuration<Img2MeshConfig>) -> [f64; 2] {
+    let place = tempfile::tempdir().unwrap();
+    let data = Data::synthetic(&config.system).unwrap();
     let run = RunFolder::create(&place.path().join("run"), false).unwrap();
     let provenance = Provenance::default();
-    let job = Job {
-        config: &config,
-        data: &data,
-        run: &run,
-        provenance: &provenance,
-        resume: false,
-        from: None,
-    };
-    let outcome = train::<Img2Mesh>(&job, &mut Watch::default()).unwrap();
-    let system = &outcome.system;
-    let error = |mesh: usize| {
-        let trials = data.trials(Subset::Validation, 2).unwrap();
+    let job =
+        Job { config, data: &data, run: &run, provenance: &provenance, resume: false, from: None };
+    let system = train::<Img2Mesh>(&job, &mut Watch::default()).unwrap().system;
+    let tape = Tape::eval();
+    let trials = data.trials(Subset::Validation, 2).unwrap();
+    [0, 2].map(|mesh: usize| {
         let one = |k: usize| {
             let trial = data.trial(&config.system, (Subset::Validation, 2), k).unwrap();
             let sequence = system.sequence(&tape, 1, &trial.given);
@@ -61,8 +58,20 @@ fn stages_learn_from_where_vertices_are_seen() {
             f64::from(losses::mask_iou(drawn, truth).item())
         };
         (0..trials).map(one).sum::<f64>() / trials as f64
-    };
-    let (first, last) = (error(0), error(2));
-    // From 0.74 to 0.64 within 300 steps; of five seeds 0.83 to 0.95 times.
+    })
+}
+
+/// Trained stages find objects by where their outlines are seen, in other places than those that they were trained on.
+#[test]
+fn stages_learn_from_where_vertices_are_seen() {
+    let mut config = placed();
+    let (mut first, mut last) = (0.0, 0.0);
+    // Of one seed alone the ratio is 0.83 to 0.95.
+    for seed in 0..3 {
+        config.train.seed = seed;
+        let errors = errors(&config);
+        first += errors[0];
+        last += errors[1];
+    }
     assert!(last < 0.93 * first, "{first} {last}");
 }

@@ -40,6 +40,17 @@ pub struct Estimate {
     pub tried: usize,
 }
 
+/// The least probability that counts, so that an outline can overrule the head.
+const LEAST_PROBABILITY: f64 = 1e-6;
+
+impl Estimate {
+    /// How well the camera explains the image: the outline's intersection over union and, times `prior_weight`, the logarithm of
+    /// the camera's probability.
+    pub fn score(&self, prior_weight: f64) -> f64 {
+        self.outline + prior_weight * self.hypothesis.probability.max(LEAST_PROBABILITY).ln()
+    }
+}
+
 impl Seen {
     /// The mesh in the world of the image's camera, such that this camera sees it as the camera did that it was made by.
     pub(crate) fn in_world_of(self, image: &InputImage) -> TriMesh {
@@ -116,8 +127,8 @@ impl<D: Deformer> SingleView<D> {
         }
     }
 
-    /// The mesh of one image by a camera that is estimated from it: of the likely ones that whose mesh has the outline that fits
-    /// the image's mask best, of equal ones the likeliest. Nothing without a camera head.
+    /// The mesh of one image by a camera that is estimated from it: of the likely ones that with the highest
+    /// [score](Estimate::score), of equal ones the likeliest. Nothing without a camera head.
     ///
     /// # Errors
     /// If an integration does not come to its end.
@@ -132,8 +143,9 @@ impl<D: Deformer> SingleView<D> {
             })
             .collect::<Result<Vec<_>, SolveError>>()?;
         let tried = tries.len();
+        let score = |one: &Estimate| one.score(self.shared().camera_prior_weight);
         let better =
-            |best: Estimate, one: Estimate| if one.outline > best.outline { one } else { best };
+            |best: Estimate, one: Estimate| if score(&one) > score(&best) { one } else { best };
         Ok(tries.into_iter().reduce(better).map(|best| Estimate { tried, ..best }))
     }
 }

@@ -25,9 +25,12 @@ train::options! {
         pub camera: CameraSource = CameraSource::Told;
         /// Weight of what the camera head misses in the loss; with 0 there is no head.
         pub camera_weight: f64 = 0.0, in 0.0..=1e9;
-        /// How many estimated cameras are tried at most, each with a mesh of its own; the one whose outline fits the image's
-        /// mask best is kept.
+        /// How many estimated cameras are tried at most, each with a mesh of its own; the one is kept whose outline fits the
+        /// image's mask, and which the camera head holds likely.
         pub camera_hypotheses: usize = 3, in 1..=DIRECTIONS;
+        /// What the logarithm of a camera's probability counts beside the outline's intersection over union; with 0 the
+        /// outline alone chooses, which cannot tell the front of a bus from its back.
+        pub camera_prior_weight: f64 = 0.05, in 0.0..=1e9;
         /// Channels of the encoder's six stages; maps are read from the last four. Published are `[16, 32, 64, 128,
         /// 256, 512]`.
         pub channels: [usize; 6] = [8, 8, 16, 32, 64, 64], in 1..=2048;

@@ -36,11 +36,11 @@ fn config(frame: FrameKind) -> StagesConfig {
     StagesConfig { shared, blocks: 2, ..StagesConfig::default() }
 }
 
-/// A system after so many steps on all objects and views.
-fn learned(frame: FrameKind, steps: u64) -> (Pixel2Mesh, Pairs) {
+/// A system of this seed after so many steps on all objects and views.
+fn learned(frame: FrameKind, seed: u64, steps: u64) -> (Pixel2Mesh, Pairs) {
     let config = config(frame);
     let data = crate::testing::made::<Pixel2Mesh>(&config, 0);
-    let mut system = Pixel2Mesh::new(&config, 0);
+    let mut system = Pixel2Mesh::new(&config, seed);
     let (mut tape, mut adam) = (Tape::train(0), Adam::new(3e-3));
     for step in 0..steps {
         let item = |i: u64| {
@@ -80,12 +80,16 @@ fn error(system: &Pixel2Mesh, data: &Pairs, elsewhere: usize) -> f64 {
 /// that is told: through another one it is worse.
 #[test]
 fn shapes_are_learned_sooner_in_the_objects_frame() {
-    let (system, data) = learned(FrameKind::Object, 150);
-    let [told, wrong] = [0, 2].map(|elsewhere| error(&system, &data, elsewhere));
-    let (system, data) = learned(FrameKind::Camera, 150);
-    let camera = error(&system, &data, 0);
-    // Of five seeds 0.28 to 0.54; last bits of sums move them about as far.
-    assert!(told < 0.7 * camera && wrong > 1.05 * told, "{told} {wrong} {camera}");
+    let (mut told, mut wrong, mut camera) = (0.0, 0.0, 0.0);
+    // Of one seed alone the ratio is 0.28 to 0.54, and last bits of sums move it about as far.
+    for seed in 0..3 {
+        let (system, data) = learned(FrameKind::Object, seed, 150);
+        told += error(&system, &data, 0);
+        wrong += error(&system, &data, 2);
+        let (system, data) = learned(FrameKind::Camera, seed, 150);
+        camera += error(&system, &data, 0);
+    }
+    assert!(told < 0.55 * camera && wrong > 1.02 * told, "{told} {wrong} {camera}");
 }
 
 /// What the regularisers cost a smooth deformation hardly depends on how fine the mesh is.
@@ -136,27 +140,30 @@ fn estimating(camera: CameraSource) -> (Pixel2Mesh, Pairs) {
     (system, data)
 }
 
-/// Of the likely cameras that one is kept whose mesh has the outline of the image, and the mesh is that camera's.
+/// Of the likely cameras that one is kept whose mesh has the outline of the image, and the mesh is that camera's; with a large
+/// weight that which the head holds likeliest.
 #[test]
-fn the_outline_chooses_the_camera() {
-    let (system, data) = estimating(CameraSource::Estimated);
-    for view in 0..4 {
+fn the_outline_and_the_head_choose_the_camera() {
+    let (mut system, data) = estimating(CameraSource::Estimated);
+    for (view, weight) in (0..4).flat_map(|view| [(view, 0.0), (view, 0.05), (view, 1e6)]) {
+        system.config.shared.camera_prior_weight = weight;
         let image = data.image(data.trained()[0], view).unwrap();
-        let tries: Vec<(f64, mesh_core::TriMesh)> = system
+        let tries: Vec<(f64, f64, mesh_core::TriMesh)> = system
             .viewpoints_of(&image)
             .iter()
             .map(|likely| {
                 let camera = likely.viewpoint.camera(&image.camera);
                 let (mesh, _) = system.mesh_told(&image.seen_by(camera.clone())).unwrap();
                 let world = image.frame.mesh_in_world(mesh.clone());
-                (overlap(&image, &world, &camera), mesh)
+                let outline = overlap(&image, &world, &camera);
+                (outline + weight * likely.probability.ln(), outline, mesh)
             })
             .collect();
         let best = (0..tries.len()).rev().max_by(|&a, &b| tries[a].0.total_cmp(&tries[b].0));
-        let best = best.unwrap();
+        let best = if weight > 1.0 { 0 } else { best.unwrap() };
         let estimate = system.estimate(&image).unwrap().unwrap();
-        assert_eq!((estimate.tried, estimate.outline), (8, tries[best].0));
-        assert_eq!(system.mesh_of(&image).unwrap().0, tries[best].1);
+        assert_eq!((estimate.tried, estimate.outline), (8, tries[best].1));
+        assert_eq!(system.mesh_of(&image).unwrap().0, tries[best].2);
         assert!(estimate.outline > 0.0);
     }
 }

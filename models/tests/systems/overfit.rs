@@ -95,7 +95,7 @@ fn shared(hidden: usize) -> SharedConfig {
 #[ignore = "needs UNSPHERE_DATA"]
 fn pixel2mesh_overfits_one_car() {
     let config = StagesConfig { shared: shared(96), blocks: 4, ..StagesConfig::default() };
-    overfits_one_sample::<Staged>(&config, 1e-3, 1500);
+    overfits_one_sample::<Staged>(&config, 2e-3, 2400);
 }
 
 #[test]
@@ -110,5 +110,5 @@ fn a_flow_overfits_one_car() {
         step: [0.25, 0.25],
         ..OdeConfig::default()
     };
-    overfits_one_sample::<Continuous>(&config, 2e-3, 1500);
+    overfits_one_sample::<Continuous>(&config, 4e-3, 2400);
 }

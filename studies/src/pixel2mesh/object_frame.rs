@@ -166,7 +166,7 @@ impl Study for ObjectFrameStudy {
         format!(
             "Procedural airplanes as 3D-R2N2 renders them, 400 to train and 40 others to test; 64 pixels, Pixel2Mesh in two stages to 618 vertices, \
              all rows as many steps. In the camera's frame no camera is needed; in the object's it is told, or estimated by a head that is trained beside \
-             (up to three hypotheses, of which the outline chooses). Told and estimated are one model. Refined: 50 steps on the mask of the one image, \
+             (up to three hypotheses, of which the outline alone chooses). Told and estimated are one model. Refined: 50 steps on the mask of the one image, \
              by that camera, without more vertices. {COLUMNS} {ABOUT}"
         )
     }
@@ -176,6 +176,8 @@ impl Study for ObjectFrameStudy {
 fn guessing(system: &Pixel2Mesh) -> Pixel2Mesh {
     let mut config: StagesConfig = system.config().clone();
     config.shared.camera = CameraSource::Estimated;
+    // As the published table was made.
+    config.shared.camera_prior_weight = 0.0;
     system.with_config(&config)
 }
 
