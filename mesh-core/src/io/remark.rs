@@ -66,6 +66,8 @@ pub enum NotRead {
     Outside,
     /// A folder, a device or a pipe.
     NotAFile,
+    /// An image that is neither PNG nor JPEG.
+    UnknownKind,
 }
 
 impl fmt::Display for NotRead {
@@ -74,6 +76,7 @@ impl fmt::Display for NotRead {
             Self::Missing => "no such file",
             Self::Outside => "outside the folder of the mesh",
             Self::NotAFile => "not a regular file",
+            Self::UnknownKind => "neither PNG nor JPEG",
         })
     }
 }

@@ -23,8 +23,8 @@ readers! {
     ///
     /// # Errors
     /// The file cannot be read, ends early, or holds a number that is not finite, an index out of
-    /// range, or a texture that is no image; the default [`Limits`](crate::Limits) are not enough. A texture that is
-    /// not there is left out.
+    /// range, or a texture that is damaged; the default [`Limits`](crate::Limits) are not enough. A texture that is
+    /// not there, or neither PNG nor JPEG, is left out.
     read,
     /// The mesh in the bytes of a PLY file; no other file is looked at, so it has no texture.
     decode,
@@ -47,10 +47,14 @@ pub(in crate::io) fn mesh(
     let (Some(root), Some(name), Some((uvs, faces))) = (root, header.texture, placed) else {
         return Ok(mesh);
     };
-    let texture = match root.find(root.folder(), &name) {
-        Ok(file) => {
+    let image = match root.find(root.folder(), &name) {
+        Ok(file) => texture(path, &file, limits)?,
+        Err(why) => Err(why),
+    };
+    let texture = match image {
+        Ok(image) => {
             counted(remarks, header.other_textures, |count| Remark::OtherTextures { count });
-            Some(Texture { uvs, faces, image: texture(path, &file, limits)? })
+            Some(Texture { uvs, faces, image })
         }
         Err(why) => {
             not_read(remarks, &name, why);
