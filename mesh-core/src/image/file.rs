@@ -305,6 +305,10 @@ mod tests {
         for tail in [&[0; 64][..], &whole[..whole.len() - 9], b"ftypmp42\xff\xda\0\x08"] {
             assert!(decode_image(&[&whole, tail].concat(), "7.jpg").is_ok());
         }
+        // Not even the bytes by which scans begin, which a film has by chance.
+        let film = b"\xff\xda\0\x08film".repeat(1000);
+        let behind = decode_image(&[&whole, &film[..]].concat(), "7.jpg").unwrap();
+        assert_eq!(behind, decode_image(&whole, "7.jpg").unwrap());
     }
 
     #[test]
