@@ -316,6 +316,32 @@ fn ply_types_orders_polygons_and_strangers() {
 }
 
 #[test]
+fn ply_colors_are_bytes_in_any_kind_of_number() {
+    let read = |kind: &str, colors: [&str; 3]| {
+        let text = format!(
+            "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+             property {kind} red\nproperty {kind} green\nproperty {kind} blue\nelement face 1\n\
+             property list uchar int vertex_indices\nproperty uchar red\nend_header\n\
+             0 0 0 {}\n1 0 0 {}\n0 1 0 {}\n3 0 1 2 9\n",
+            colors[0], colors[1], colors[2]
+        );
+        let mut remarks = Vec::new();
+        let mesh = ply::decode_with(text.as_bytes(), "a.ply", &Limits::default(), &mut remarks);
+        assert_eq!(remarks[0].to_string(), "1 colour of a face left out");
+        mesh.unwrap().colors.unwrap()
+    };
+    let bytes = vec![[1.0, 0.2, 0.0], [0.0; 3], [0.4, 0.4, 0.4]];
+    for kind in ["uchar", "short", "ushort", "int", "uint", "float", "double"] {
+        assert_eq!(read(kind, ["255 51 0", "0 0 0", "102 102 102"]), bytes, "{kind}");
+    }
+    for kind in ["ushort", "int", "uint"] {
+        assert_eq!(read(kind, ["65535 13107 0", "0 0 0", "26214 26214 26214"]), bytes, "{kind}");
+    }
+    assert_eq!(read("float", ["1 0.2 0", "0 0 0", "0.4 0.4 0.4"]), bytes);
+    assert_eq!(read("char", ["127 0 0", "0 0 0", "0 0 0"])[0], [1.0, 0.0, 0.0]);
+}
+
+#[test]
 fn ply_strips_turn_every_other_triangle_and_begin_anew() {
     let head = |kind: &str, list: &str| {
         format!(

@@ -214,7 +214,9 @@ pub(super) fn one(
     let (mut uvs, mut faces) =
         (std::mem::take(&mut parsed.uvs), std::mem::take(&mut parsed.uv_faces));
     if look != PLAIN {
-        uvs.iter_mut().for_each(|uv| *uv = look.place(*uv));
+        for uv in &mut uvs {
+            *uv = look.place(*uv);
+        }
     }
     budget.fill(&mut faces, parsed.faces.len(), [NONE; 3], 0)?;
     let bare = faces.iter().flatten().filter(|&&i| i == NONE).count();

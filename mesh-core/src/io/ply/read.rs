@@ -15,7 +15,7 @@ readers! {
     /// Reads a PLY file: ASCII or binary, any order and type of properties.
     ///
     /// Vertices need `x`, `y` and `z`; colours are `red`, `green`, `blue` (bytes, or floats in
-    /// `[0, 1]`); faces are `vertex_indices` or `vertex_index`, polygons become triangles;
+    /// `[0, 1]`; wider numbers of which none is more than bytes are); faces are `vertex_indices` or `vertex_index`, polygons become triangles;
     /// `tristrips` are strips of triangles, which -1 ends. A texture is read where a comment
     /// `TextureFile` names one in the file's folder or below it and vertices (`s t`, `u v` or
     /// `texture_u texture_v`) or faces (`texcoord`) place it. Faces of one or two corners and triangles
@@ -80,6 +80,8 @@ pub(super) struct Parts {
     pub(super) first_short: Option<usize>,
     /// Triangles that name a vertex twice.
     pub(super) repeated: usize,
+    /// Faces with a colour of their own.
+    pub(super) face_colors: usize,
     /// Corners without a place on the texture, where others have one.
     pub(super) bare: usize,
 }
@@ -126,6 +128,7 @@ impl Parts {
         let line = self.first_short;
         counted(remarks, self.short, |count| Remark::ShortFaces { count, line });
         counted(remarks, self.repeated, |count| Remark::RepeatedVertices { count });
+        counted(remarks, self.face_colors, |count| Remark::FaceColors { count });
         let mesh = TriMesh {
             positions: self.positions,
             faces: self.faces,
@@ -200,7 +203,7 @@ fn vertices(
     let uv = [find(&["texture_u", "u", "s"]), find(&["texture_v", "v", "t"])];
     let uv = if let [Some(u), Some(v)] = uv { Some([u, v]) } else { None };
 
-    let mut colors = Vec::new();
+    let (mut colors, mut largest) = (Vec::new(), [0.0_f32; 3]);
     let mut uvs = Vec::new();
     let mut row = vec![0.0; element.properties.len()];
     for item in 0..element.count {
@@ -217,11 +220,12 @@ fn vertices(
         }
         budget.push(&mut parts.positions, position).map_err(&over)?;
         if let Some(rgb) = rgb {
-            let color = rgb.map(|k| (row[k] / element.properties[k].scalar.white()) as f32);
+            let color = rgb.map(|k| row[k] as f32);
             if let Some(bad) = color.iter().find(|v| !v.is_finite()) {
                 return Err(numbers.wrong("red, green, blue", bad, "finite numbers"));
             }
-            budget.push(&mut colors, color.map(|v| v.clamp(0.0, 1.0))).map_err(&over)?;
+            largest = std::array::from_fn(|k| largest[k].max(color[k]));
+            budget.push(&mut colors, color).map_err(&over)?;
         }
         if let Some(uv) = uv {
             let uv = uv.map(|k| row[k] as f32);
@@ -231,7 +235,16 @@ fn vertices(
             budget.push(&mut uvs, uv).map_err(&over)?;
         }
     }
-    parts.colors = rgb.map(|_| colors);
+    parts.colors = rgb.map(|rgb| {
+        let scalars = rgb.map(|k| element.properties[k].scalar);
+        let white = scalars.map(|scalar| {
+            let alike = largest.iter().zip(scalars).filter(|(_, other)| *other == scalar);
+            scalar.white(alike.fold(0.0, |most, (&c, _)| most.max(c)))
+        });
+        let scaled = |c: &mut f32, white: f64| *c = (f64::from(*c) / white).clamp(0.0, 1.0) as f32;
+        colors.iter_mut().for_each(|color| (0..3).for_each(|k| scaled(&mut color[k], white[k])));
+        colors
+    });
     parts.vertex_uvs = uv.map(|_| uvs);
     Ok(())
 }
