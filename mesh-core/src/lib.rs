@@ -89,6 +89,7 @@ mod diffusion;
 mod examination;
 mod health;
 mod image;
+mod inside;
 mod intersect;
 #[cfg(feature = "images")]
 pub mod io;
