@@ -111,7 +111,9 @@ mod tests {
 
     fn all(pieces: &[TriMesh]) -> TriMesh {
         let mut mesh = TriMesh::default();
-        pieces.iter().for_each(|piece| mesh.append(piece).unwrap());
+        for piece in pieces {
+            mesh.append(piece).unwrap();
+        }
         mesh
     }
 

@@ -42,7 +42,7 @@ impl TriMesh {
         for (v, &position) in (0..).zip(&self.positions) {
             let p = widen(position);
             let place = p.map(|x| (x / cell).floor() as i64);
-            let near = (0..27).flat_map(|k| {
+            let near = (0..27).filter_map(|k| {
                 let [x, y, z] = place;
                 first_of.get(&[x + k / 9 - 1, y + k / 3 % 3 - 1, z + k % 3 - 1])
             });
@@ -51,15 +51,11 @@ impl TriMesh {
                 dot(away, away) <= tolerance * tolerance
             };
             // Of several the first, whichever cell it is in.
-            match near.flatten().filter(is_one).min() {
-                Some(&first) => target.push(first),
-                None => {
-                    if p.iter().all(|x| x.is_finite()) {
-                        first_of.entry(place).or_default().push(v);
-                    }
-                    target.push(v);
-                }
+            let first = near.flatten().filter(is_one).min().copied();
+            if first.is_none() && p.iter().all(|x| x.is_finite()) {
+                first_of.entry(place).or_default().push(v);
             }
+            target.push(first.unwrap_or(v));
         }
         let is_kept: Vec<bool> = (0..).zip(&target).map(|(v, &first)| v == first).collect();
         self.renamed(&target, &is_kept)
@@ -92,10 +88,9 @@ impl TriMesh {
     /// Each vertex made another, which is kept; faces that then name one twice are left out.
     fn renamed(&self, target: &[u32], is_kept: &[bool]) -> Self {
         let mut number = vec![0_u32; target.len()];
-        let mut count = 0;
-        for (number, _) in number.iter_mut().zip(is_kept).filter(|(_, kept)| **kept) {
+        let kept = number.iter_mut().zip(is_kept).filter(|(_, kept)| **kept);
+        for (count, (number, _)) in (0..).zip(kept) {
             *number = count;
-            count += 1;
         }
         let kept = |rows: &[[f32; 3]]| -> Vec<[f32; 3]> {
             rows.iter().zip(is_kept).filter(|(_, kept)| **kept).map(|(row, _)| *row).collect()

@@ -241,8 +241,10 @@ fn vertices(
             let alike = largest.iter().zip(scalars).filter(|(_, other)| *other == scalar);
             scalar.white(alike.fold(0.0, |most, (&c, _)| most.max(c)))
         });
-        let scaled = |c: &mut f32, white: f64| *c = (f64::from(*c) / white).clamp(0.0, 1.0) as f32;
-        colors.iter_mut().for_each(|color| (0..3).for_each(|k| scaled(&mut color[k], white[k])));
+        for color in &mut colors {
+            *color =
+                std::array::from_fn(|k| (f64::from(color[k]) / white[k]).clamp(0.0, 1.0) as f32);
+        }
         colors
     });
     parts.vertex_uvs = uv.map(|_| uvs);
