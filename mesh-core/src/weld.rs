@@ -72,6 +72,7 @@ impl TriMesh {
         self.renamed(&same, &is_used)
     }
 
+    #[cfg(feature = "camera")]
     pub(crate) fn has_unused_vertices(&self) -> bool {
         self.used().contains(&false)
     }

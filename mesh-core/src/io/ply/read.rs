@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::faces::{faces, strips};
-use super::header::{Element, Header, parse};
+use super::header::{Element, Header, Scalar, parse};
 use super::numbers::Numbers;
 use crate::io::open::{Contents, blank, readers, texture};
 use crate::io::polygons::Polygons;
@@ -236,17 +236,20 @@ fn vertices(
         }
     }
     parts.colors = rgb.map(|rgb| {
-        let scalars = rgb.map(|k| element.properties[k].scalar);
-        let white = scalars.map(|scalar| {
-            let alike = largest.iter().zip(scalars).filter(|(_, other)| *other == scalar);
-            scalar.white(alike.fold(0.0, |most, (&c, _)| most.max(c)))
-        });
-        for color in &mut colors {
-            *color =
-                std::array::from_fn(|k| (f64::from(color[k]) / white[k]).clamp(0.0, 1.0) as f32);
-        }
+        to_unit(&mut colors, rgb.map(|k| element.properties[k].scalar), largest);
         colors
     });
     parts.vertex_uvs = uv.map(|_| uvs);
     Ok(())
+}
+
+/// Brings colours to `[0, 1]`, by the types of their channels and the largest value of each.
+fn to_unit(colors: &mut [[f32; 3]], scalars: [Scalar; 3], largest: [f32; 3]) {
+    let white = scalars.map(|scalar| {
+        let alike = largest.iter().zip(scalars).filter(|(_, other)| *other == scalar);
+        scalar.white(alike.fold(0.0, |most, (&c, _)| most.max(c)))
+    });
+    for color in colors {
+        *color = std::array::from_fn(|k| (f64::from(color[k]) / white[k]).clamp(0.0, 1.0) as f32);
+    }
 }
