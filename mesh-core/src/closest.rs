@@ -1,5 +1,9 @@
 //! The point of a surface that is closest to a given point.
 
+mod cast;
+
+pub use cast::Hit;
+
 use crate::vector::{Vec3, add, cross, dot, scale, sub, triangle, widen};
 use crate::{Scalar, SurfacePoint, TriMesh};
 

@@ -28,7 +28,7 @@ pub(crate) trait SymmetricSystem: Send + Sync {
 pub struct SolveReport {
     /// The number of iterations.
     pub iterations: usize,
-    /// The largest `‖b - A x‖ / ‖b‖` of any column; `A` is `I + λ L` of a [`DiffusionSolver`](crate::DiffusionSolver).
+    /// The largest `‖b - A x‖ / ‖b‖` of any column, as the steps in `f32` add up, within some `1e-6` of what it is; `A` is `I + λ L` of a [`DiffusionSolver`](crate::DiffusionSolver).
     pub residual: f64,
     /// Whether `residual` is within the tolerance.
     pub converged: bool,
@@ -60,9 +60,20 @@ impl ConjugateGradients {
         tolerance: f64,
         max_iterations: usize,
     ) -> SolveReport {
-        let mut iterate = || self.iterate(system, b, x, tolerance, max_iterations);
-        // On a thread of the pool, lest each pass over the rows wakes one.
-        if b.len() > CHUNK { threads::on_one(iterate) } else { iterate() }
+        let mut iterate = |b: &[[f32; K]], x: &mut [[f32; K]]| {
+            let mut iterate = || self.iterate(system, b, x, tolerance, max_iterations);
+            // On a thread of the pool, lest each pass over the rows wakes one.
+            if b.len() > CHUNK { threads::on_one(iterate) } else { iterate() }
+        };
+        let Some(factor) = out_of_range(b, x) else { return iterate(b, x) };
+        // Squares would be infinite, or zero and look as if all were solved.
+        let times = |rows: &[[f32; K]], factor: f32| -> Vec<[f32; K]> {
+            rows.iter().map(|row| row.map(|v| v * factor)).collect()
+        };
+        let (b, mut scaled) = (times(b, factor), times(x, factor));
+        let report = iterate(&b, &mut scaled);
+        x.copy_from_slice(&times(&scaled, factor.recip()));
+        report
     }
 
     fn iterate<S: SymmetricSystem, const K: usize>(
@@ -169,6 +180,19 @@ impl ConjugateGradients {
         });
         total(&sums)
     }
+}
+
+/// Values whose squares, and those of what a solve leaves of them, are numbers.
+const RANGE: std::ops::RangeInclusive<f32> = 1e-12..=1e12;
+
+/// A power of two, which changes no digit, by which the largest value comes near one, where it is out of [`RANGE`].
+fn out_of_range<const K: usize>(b: &[[f32; K]], x: &[[f32; K]]) -> Option<f32> {
+    let values = b.iter().chain(x).flatten();
+    let largest = values.fold(0.0_f32, |most, v| if v.is_nan() { *v } else { most.max(v.abs()) });
+    if largest == 0.0 || !largest.is_finite() || RANGE.contains(&largest) {
+        return None;
+    }
+    Some((-largest.log2().floor()).clamp(-126.0, 126.0).exp2())
 }
 
 /// Sums by columns, as the system tells columns apart: all four are the sum of all where it does not.

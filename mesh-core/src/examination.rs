@@ -83,6 +83,11 @@ impl Examination {
             (true, false) => "its faces have no area: all vertices lie in one point or on one line",
         };
         note(inward, text.into());
+        // Where all point inward that is said already.
+        let (pieces, points) =
+            if health.inward_pieces == 1 { ("piece", "points") } else { ("pieces", "point") };
+        let text = format!("{} {pieces} {points} inward", health.inward_pieces);
+        note(health.outward && health.inward_pieces > 0, text);
         problems.extend(self.crossings());
         problems
     }

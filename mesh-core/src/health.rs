@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use crate::inside::inside_out;
 use crate::mesh::signed_volume;
 use crate::vector::{angle, area_vector, cross, dot, norm, sub, triangle, widen};
 use crate::{Topology, TriMesh};
@@ -44,6 +45,8 @@ pub struct Health {
     pub oriented: bool,
     /// Whether the enclosed volume is positive.
     pub outward: bool,
+    /// Pieces of a closed, oriented mesh that point inward without being the wall of a hollow in another piece.
+    pub inward_pieces: usize,
     /// The enclosed volume; means something for closed meshes only.
     pub volume: f64,
     /// The area of all faces.
@@ -66,7 +69,7 @@ pub struct Health {
 }
 
 impl Health {
-    /// Whether the mesh bounds a solid: finite, closed, manifold, oriented, and outward.
+    /// Whether the mesh bounds a solid: finite, closed, manifold, oriented, and outward, each piece of it but the walls of hollows.
     pub fn is_watertight(&self) -> bool {
         self.finite
             && self.indices_in_range
@@ -76,6 +79,7 @@ impl Health {
             && self.non_manifold_vertices == 0
             && self.oriented
             && self.outward
+            && self.inward_pieces == 0
     }
 
     /// The number of handles of a closed, oriented, manifold mesh, all pieces together.
@@ -162,6 +166,10 @@ impl TriMesh {
             }
         }
         let volume = signed_volume(&self.positions, &faces);
+        let oriented = oriented(&faces, &topology);
+        let is_closed = oriented && boundary_edges + non_manifold_edges == 0;
+        let inward_pieces =
+            if is_closed { inside_out(&self.positions, &faces, &topology) } else { 0 };
         Health {
             vertices: count,
             faces: self.faces.len(),
@@ -171,8 +179,9 @@ impl TriMesh {
             non_manifold_edges,
             non_manifold_vertices: non_manifold_vertices(&topology),
             euler: topology.euler_number(),
-            oriented: oriented(&faces, &topology),
+            oriented,
             outward: volume > 0.0,
+            inward_pieces,
             volume,
             area: shape.area,
             smallest_angle_degrees: shape.smallest_angle.to_degrees(),

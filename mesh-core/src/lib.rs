@@ -89,6 +89,7 @@ mod diffusion;
 mod examination;
 mod health;
 mod image;
+mod inside;
 mod intersect;
 #[cfg(feature = "images")]
 pub mod io;
@@ -117,6 +118,7 @@ mod untangle;
 mod up_axis;
 pub mod vector;
 mod voxel;
+mod weld;
 
 pub use bounds::Bounds;
 #[cfg(feature = "camera")]
@@ -125,7 +127,7 @@ pub use camera::{
     Projected, Pytorch3dCamera, R2n2View, Ray, SphericalView, WeakPerspective,
     look_at_view_transform,
 };
-pub use closest::{Closest, ClosestPoint, closest_weights};
+pub use closest::{Closest, ClosestPoint, Hit, closest_weights};
 pub use conjugate_gradients::SolveReport;
 pub use counted::counted;
 pub use csr::Csr;

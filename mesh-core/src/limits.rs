@@ -28,9 +28,10 @@ pub struct Limits {
     /// Pixels that the header of an image may claim; 128 million by default.
     ///
     /// What is unpacked may take 4 bytes for each of them: an image of 16 bits and 4 channels may
-    /// have half as many pixels. The texture of a mesh takes up to 16 bytes a pixel while it is read.
+    /// have half as many pixels. The texture of a mesh takes up to 16 bytes a pixel while it is read, those
+    /// of an OBJ's materials together up to 24, for all that are read.
     pub max_pixels: u64,
-    /// Whether an OBJ, MTL or PLY file may name files outside its own folder, by `..`, by an absolute
+    /// Whether an OBJ, MTL, PLY or GLB file may name files outside its own folder, by `..`, by an absolute
     /// path or by a link; not so by default.
     pub outside_links: bool,
 }

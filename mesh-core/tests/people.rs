@@ -158,6 +158,53 @@ fn texture_coordinates_that_are_not_there_are_noted() {
     );
 }
 
+/// Two materials with images, one with a colour, one that is in no library, and one whose image is scaled and moved.
+#[test]
+fn every_material_of_an_obj_has_its_own_look() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
+    let image = |name: &str, data: &[u8]| {
+        let (width, data) = (data.len() / 3, data.to_vec());
+        let image = mesh_core::ByteImage { height: 1, width, channels: 3, data };
+        mesh_core::write_png(folder.path().join(name), &image).unwrap();
+    };
+    image("a.png", &[255, 0, 0, 0, 255, 0]);
+    image("b.png", &[0, 0, 255]);
+    let library = "newmtl a\nmap_Kd a.png\nnewmtl b\nmap_Kd b.png\nnewmtl c\nKd 0.2 0.4 0.6\n\
+        newmtl d\nKd 1 0 0\nmap_Kd -s 0.5 1 1 -o 0.5 0 0 a.png\nnewmtl e\nKd 0 1 1\nmap_Kd e.tga\n";
+    file("m.mtl", library);
+    file("e.tga", "an image of another kind");
+    let head = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 0.5 0\nvt 0.5 1\n";
+    let read = |materials: &str| {
+        let face = |c: char| format!("usemtl {c}\nf 1/1 2/2 3/3\n");
+        let faces: String = materials.chars().map(face).collect();
+        file("m.obj", &format!("{head}{faces}"));
+        let mut remarks = Vec::new();
+        let mesh = obj::read_with(folder.path().join("m.obj"), &Limits::default(), &mut remarks);
+        let mesh = mesh.unwrap();
+        mesh.validate().unwrap();
+        (mesh, remarks.iter().map(ToString::to_string).collect::<Vec<_>>())
+    };
+    let (mesh, remarks) = read("abcxde");
+    let texture = mesh.texture.unwrap();
+    let at = |face, barycentric| {
+        texture.color_at(&mesh_core::SurfacePoint { face, barycentric }).map(|c| (5.0 * c).round())
+    };
+    let middle = [0.5, 0.5, 0.0];
+    let found: Vec<[f32; 3]> = (0..6).map(|face| at(face, middle)).collect();
+    let (red, blue) = ([5.0, 0.0, 0.0], [0.0, 0.0, 5.0]);
+    // The fifth has 0.5 to 0.75 of the first image: its middle is three quarters green.
+    assert_eq!(found, [red, blue, [1.0, 2.0, 3.0], [5.0; 3], [1.0, 4.0, 0.0], [0.0, 5.0, 5.0]]);
+    assert_eq!(remarks, ["\"e.tga\" not read: neither PNG nor JPEG"]);
+    // One image on all faces stays what it is.
+    let (mesh, remarks) = read("aax");
+    let texture = mesh.texture.unwrap();
+    assert_eq!((texture.uvs.len(), texture.image.width, remarks.len()), (3, 2, 0));
+    let (mesh, _) = read("d");
+    let texture = mesh.texture.unwrap();
+    assert_eq!((texture.uvs[2], texture.image.width), ([0.75, 1.0], 2));
+}
+
 #[test]
 fn files_that_a_mesh_names_must_be_below_it() {
     let place = tempfile::tempdir().unwrap();
@@ -242,6 +289,12 @@ fn a_texture_that_is_not_there_is_noted_and_one_that_is_damaged_is_an_error() {
     let mesh = obj::read_with(folder.path().join("a.obj"), &Limits::default(), &mut notes).unwrap();
     assert!(mesh.texture.is_none() && notes[0].to_string().contains("none.png"), "{notes:?}");
     file("none.png", "no png");
+    let mut notes = Vec::new();
+    let mesh = obj::read_with(folder.path().join("a.obj"), &Limits::default(), &mut notes).unwrap();
+    assert!(mesh.texture.is_none());
+    assert_eq!(notes[0].to_string(), "\"none.png\" not read: neither PNG nor JPEG");
+    let png = mesh_core::encode_png(&textured().texture.unwrap().image.to_bytes());
+    fs::write(folder.path().join("none.png"), &png[..png.len() / 2]).unwrap();
     let error = read_mesh(folder.path().join("a.obj")).unwrap_err().to_string();
     assert!(error.contains("a.obj") && error.contains("none.png"), "{error}");
 }
@@ -260,6 +313,32 @@ fn ply_types_orders_polygons_and_strangers() {
     assert_eq!(mesh.positions[2], [1.0, 1.0, 0.0]);
     assert_eq!(mesh.faces, [[0, 1, 2], [0, 2, 3], [2, 1, 0]]);
     assert_eq!(mesh.colors.unwrap()[1..3], [[0.5, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+}
+
+#[test]
+fn ply_colors_are_bytes_in_any_kind_of_number() {
+    let read = |kind: &str, colors: [&str; 3]| {
+        let text = format!(
+            "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+             property {kind} red\nproperty {kind} green\nproperty {kind} blue\nelement face 1\n\
+             property list uchar int vertex_indices\nproperty uchar red\nend_header\n\
+             0 0 0 {}\n1 0 0 {}\n0 1 0 {}\n3 0 1 2 9\n",
+            colors[0], colors[1], colors[2]
+        );
+        let mut remarks = Vec::new();
+        let mesh = ply::decode_with(text.as_bytes(), "a.ply", &Limits::default(), &mut remarks);
+        assert_eq!(remarks[0].to_string(), "1 colour of a face left out");
+        mesh.unwrap().colors.unwrap()
+    };
+    let bytes = vec![[1.0, 0.2, 0.0], [0.0; 3], [0.4, 0.4, 0.4]];
+    for kind in ["uchar", "short", "ushort", "int", "uint", "float", "double"] {
+        assert_eq!(read(kind, ["255 51 0", "0 0 0", "102 102 102"]), bytes, "{kind}");
+    }
+    for kind in ["ushort", "int", "uint"] {
+        assert_eq!(read(kind, ["65535 13107 0", "0 0 0", "26214 26214 26214"]), bytes, "{kind}");
+    }
+    assert_eq!(read("float", ["1 0.2 0", "0 0 0", "0.4 0.4 0.4"]), bytes);
+    assert_eq!(read("char", ["127 0 0", "0 0 0", "0 0 0"])[0], [1.0, 0.0, 0.0]);
 }
 
 #[test]

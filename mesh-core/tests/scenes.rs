@@ -134,3 +134,162 @@ fn seams_are_joined_so_that_a_closed_mesh_stays_closed() {
     assert_eq!(back.faces, mesh.faces);
     assert_eq!(back.health().boundary_edges, 0);
 }
+
+/// A triangle with texture coordinates, and an image of four pixels in one row: black, red, green, blue.
+struct Strip {
+    bin: Vec<u8>,
+    image: usize,
+}
+
+impl Strip {
+    fn new(image: &[u8]) -> Self {
+        let mut bin = Vec::new();
+        for p in [[0.0_f32, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]] {
+            bin.extend(p.iter().flat_map(|v| v.to_le_bytes()));
+        }
+        for uv in [[0.0_f32, 0.5], [0.5, 0.5], [0.0, 1.0]] {
+            bin.extend(uv.iter().flat_map(|v| v.to_le_bytes()));
+        }
+        bin.extend(image);
+        Self { bin, image: image.len() }
+    }
+
+    fn png() -> Vec<u8> {
+        let data = vec![0, 0, 0, 255, 0, 0, 0, 255, 0, 0, 0, 255];
+        mesh_core::encode_png(&mesh_core::ByteImage { height: 1, width: 4, channels: 3, data })
+    }
+
+    fn glb(&self, material: &str, image: &str, more: &str) -> Vec<u8> {
+        let json = format!(
+            r#"{{"asset":{{"version":"2.0"}}{more},"scenes":[{{"nodes":[0]}}],"nodes":[{{"mesh":0}}],
+            "meshes":[{{"primitives":[{{"attributes":{{"POSITION":0,"TEXCOORD_0":1}},"material":0}}]}}],
+            "materials":[{material}],"textures":[{{"source":0}}],"images":[{image}],
+            "accessors":[{{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"}},
+              {{"bufferView":1,"componentType":5126,"count":3,"type":"VEC2"}}],
+            "bufferViews":[{{"buffer":0,"byteLength":36}},{{"buffer":0,"byteOffset":36,"byteLength":24}},
+              {{"buffer":0,"byteOffset":60,"byteLength":{}}}],
+            "buffers":[{{"byteLength":{}}}]}}"#,
+            self.image,
+            self.bin.len()
+        );
+        glb_of(&json, &self.bin)
+    }
+}
+
+fn read_all(bytes: &[u8]) -> (TriMesh, Vec<String>) {
+    let mut remarks = Vec::new();
+    let mesh = glb::decode_with(bytes, "a.glb", &Limits::default(), &mut remarks).unwrap();
+    mesh.validate().unwrap();
+    (mesh, remarks.iter().map(ToString::to_string).collect())
+}
+
+/// By hand: scaled by (2, 1), turned by 90 degrees counter-clockwise where v goes down, moved by (0.25, 1).
+#[test]
+fn glb_texture_coordinates_are_transformed() {
+    let strip = Strip::new(&Strip::png());
+    let material = |transform: &str| {
+        format!(
+            r#"{{"pbrMetallicRoughness":{{"baseColorTexture":{{"index":0,
+            "extensions":{{"KHR_texture_transform":{transform}}}}}}}}}"#
+        )
+    };
+    let transform = r#"{"offset":[0.25,1],"rotation":1.5707963267948966,"scale":[2,1]}"#;
+    let needed = r#","extensionsRequired":["KHR_texture_transform"]"#;
+    let image = r#"{"bufferView":2}"#;
+    let (mesh, remarks) = read_all(&strip.glb(&material(transform), image, needed));
+    let uvs = mesh.texture.unwrap().uvs;
+    // (u, v) becomes (v + 0.25, 1 - 2 u) with v down, which is 2 u with v up.
+    let flat = |uvs: &[[f32; 2]]| uvs.iter().map(|&[u, v]| [u, v, 0.0]).collect::<Vec<_>>();
+    close(&flat(&uvs), &flat(&[[0.75, 0.0], [0.75, 1.0], [1.25, 0.0]]), 1e-6);
+    assert!(remarks.is_empty(), "{remarks:?}");
+    let (mesh, _) = read_all(&strip.glb(&material("{}"), image, ""));
+    assert_eq!(mesh.texture.unwrap().uvs, [[0.0, 0.5], [0.5, 0.5], [0.0, 0.0]]);
+    let (mesh, remarks) = read_all(&strip.glb(&material(r#"{"texCoord":1}"#), image, ""));
+    assert!(mesh.texture.is_none() && remarks.len() == 1, "{remarks:?}");
+    let huge = strip.glb(&material(r#"{"scale":[3e38,1],"offset":[3e38,0]}"#), image, "");
+    assert!(glb::decode(&huge, "a.glb").unwrap_err().to_string().contains("texture_transform"));
+}
+
+#[test]
+fn glb_images_of_other_kinds_are_left_out() {
+    let material =
+        r#"{"pbrMetallicRoughness":{"baseColorFactor":[1,0,0,1],"baseColorTexture":{"index":0}}}"#;
+    let strip = Strip::new(b"RIFF\0\0\0\0WEBPVP8 ");
+    let needed = r#","extensionsRequired":["EXT_texture_webp"]"#;
+    let (mesh, remarks) = read_all(&strip.glb(material, r#"{"bufferView":2}"#, needed));
+    assert_eq!(mesh.colors, Some(vec![[1.0, 0.0, 0.0]; 3]), "the material's colour is left");
+    assert_eq!(remarks, ["\"image 0\" not read: neither PNG nor JPEG"]);
+    for (uri, why) in [
+        ("data:image/png;base64,AAAA", "\"image 0\" not read: neither PNG nor JPEG"),
+        ("t.png", "\"t.png\" not read: no such file"),
+    ] {
+        let image = format!("{{\"uri\":\"{uri}\"}}");
+        let (mesh, remarks) = read_all(&strip.glb(material, &image, ""));
+        assert!(mesh.texture.is_none() && remarks == [why], "{remarks:?}");
+    }
+    // One beside the file is read, and one that is damaged is an error.
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("t.png"), Strip::png()).unwrap();
+    let file = folder.path().join("a.glb");
+    std::fs::write(&file, strip.glb(material, r#"{"uri":"t.png"}"#, "")).unwrap();
+    assert_eq!(glb::read(&file).unwrap().texture.unwrap().image.width, 4);
+    let strip = Strip::new(&Strip::png()[..40]);
+    assert!(glb::decode(&strip.glb(material, r#"{"bufferView":2}"#, ""), "a.glb").is_err());
+}
+
+#[test]
+fn glb_diffuse_textures_of_older_programs_are_read() {
+    let strip = Strip::new(&Strip::png());
+    let old = |surface: &str| {
+        format!(
+            r#"{{{surface}"extensions":{{"KHR_materials_pbrSpecularGlossiness":
+            {{"diffuseFactor":[1,0,1,1],"diffuseTexture":{{"index":0}}}}}}}}"#
+        )
+    };
+    let image = r#"{"bufferView":2}"#;
+    let (mesh, _) = read_all(&strip.glb(&old(""), image, ""));
+    let texture = mesh.texture.unwrap();
+    assert_eq!(texture.color([0.375, 0.5]), [1.0, 0.0, 0.0]);
+    assert_eq!(texture.color([0.625, 0.5]), [0.0; 3], "green under a factor without");
+    let both = old(r#""pbrMetallicRoughness":{"baseColorFactor":[0,1,0,1]},"#);
+    let (mesh, _) = read_all(&strip.glb(&both, image, ""));
+    assert_eq!(mesh.colors, Some(vec![[0.0, 1.0, 0.0]; 3]));
+}
+
+/// The second of three vertices stands elsewhere; without a bufferView the others are at the origin.
+#[test]
+fn glb_sparse_accessors_are_read() {
+    let floats = |values: &[f32]| values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
+    let mut bin = floats(&[0.0, 0.0, 1.0, 1.0, 0.0, 1.0, 0.0, 1.0, 1.0]);
+    bin.extend(floats(&[5.0, 6.0, 7.0]));
+    bin.extend([1, 0, 0, 0]);
+    let json = |base: &str, count: u64, indices: &str| {
+        format!(
+            r#"{{"asset":{{"version":"2.0"}},"scenes":[{{"nodes":[0]}}],"nodes":[{{"mesh":0}}],
+            "meshes":[{{"primitives":[{{"attributes":{{"POSITION":0}}}}]}}],
+            "accessors":[{{{base}"componentType":5126,"count":{count},"type":"VEC3",
+              "sparse":{{"count":1,"indices":{indices},"values":{{"bufferView":1}}}}}}],
+            "bufferViews":[{{"buffer":0,"byteLength":36}},{{"buffer":0,"byteOffset":36,"byteLength":12}},
+              {{"buffer":0,"byteOffset":48,"byteLength":4}}],
+            "buffers":[{{"byteLength":52}}]}}"#
+        )
+    };
+    let read = |base: &str, count: u64, indices: &str| {
+        glb::decode(&glb_of(&json(base, count, indices), &bin), "a.glb")
+    };
+    let view = r#""bufferView":0,"#;
+    let second = r#"{"bufferView":2,"componentType":5121}"#;
+    let mesh = read(view, 3, second).unwrap();
+    assert_eq!(mesh.positions, [[0.0, 0.0, 1.0], [5.0, 6.0, 7.0], [0.0, 1.0, 1.0]]);
+    let mesh = read("", 3, second).unwrap();
+    assert_eq!(mesh.positions, [[0.0; 3], [5.0, 6.0, 7.0], [0.0; 3]]);
+    for (base, count, indices) in [
+        (view, 1, second),
+        ("", 4_000_000_000, second),
+        (view, 3, r#"{"bufferView":2,"componentType":5126}"#),
+        (view, 3, r#"{"bufferView":2,"componentType":5125,"byteOffset":1}"#),
+        (view, 3, r#"{"bufferView":9,"componentType":5121}"#),
+    ] {
+        assert!(read(base, count, indices).is_err(), "{base} {count} {indices}");
+    }
+}

@@ -8,6 +8,9 @@ use crate::Csr;
 /// The end of a list.
 const NONE: u32 = u32::MAX;
 
+/// Each neighbour that is eliminated goes through the list of the others: the time is the square of their number.
+const MOST_NEIGHBORS: usize = 4096;
+
 /// The factors of `I + λ L`, in an order that leaves few entries in them.
 #[derive(Clone, Debug)]
 pub(super) struct Factor {
@@ -24,8 +27,11 @@ pub(super) struct Factor {
 
 impl Factor {
     /// Factors `I + λ (D - A)` of the graph `rows`, or gives up where the factor would have more
-    /// than `most` entries.
+    /// than `most` entries, or a vertex has more than [`MOST_NEIGHBORS`].
     pub(super) fn new(rows: &Csr, lambda: f32, most: usize) -> Option<Self> {
+        if rows.rows().any(|ring| ring.len() > MOST_NEIGHBORS) {
+            return None;
+        }
         let (order, columns) = eliminate(rows, most)?;
         let count = order.len();
         let mut step_of = vec![0_u32; count];
@@ -223,5 +229,9 @@ mod tests {
         assert_eq!(columns.indices.len(), topology.edges.len());
         assert_eq!(order.len(), 10);
         assert!(Factor::new(&topology.vertex_vertices, 1.0, 5).is_none());
+        // The middle of a fan of 100,000 would take minutes.
+        let fan: Vec<[u32; 3]> = (1..100_000).map(|i| [0, i, i + 1]).collect();
+        let topology = Topology::new(100_001, &fan);
+        assert!(Factor::new(&topology.vertex_vertices, 1.0, usize::MAX).is_none());
     }
 }

@@ -161,6 +161,12 @@ pub(super) fn read_bytes(path: &Path) -> Result<Vec<u8>, ImageError> {
     regular(path).map_err(|source| ImageError::Io { path: path.to_owned(), source })
 }
 
+/// Whether the bytes begin as a kind of image that [`decode_image`] knows.
+#[cfg(feature = "files")]
+pub(crate) fn is_known_kind(bytes: &[u8]) -> bool {
+    bytes.starts_with(png::SIGNATURE) || bytes.starts_with(jpeg::SIGNATURE)
+}
+
 /// Pixels of bytes whose header claims no more than the limits allow and the bytes can hold, as they are stored.
 fn decode(bytes: &[u8], name: &Path, limits: &Limits) -> Result<Decoded, ImageError> {
     if bytes.starts_with(png::SIGNATURE) {
@@ -299,6 +305,10 @@ mod tests {
         for tail in [&[0; 64][..], &whole[..whole.len() - 9], b"ftypmp42\xff\xda\0\x08"] {
             assert!(decode_image(&[&whole, tail].concat(), "7.jpg").is_ok());
         }
+        // Not even the bytes by which scans begin, which a film has by chance.
+        let film = b"\xff\xda\0\x08film".repeat(1000);
+        let behind = decode_image(&[&whole, &film[..]].concat(), "7.jpg").unwrap();
+        assert_eq!(behind, decode_image(&whole, "7.jpg").unwrap());
     }
 
     #[test]

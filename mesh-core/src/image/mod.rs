@@ -30,6 +30,8 @@ pub use depth::{DepthMap, DisparityMap};
 pub use error::ImageError;
 #[cfg(feature = "exr")]
 pub use exr::{decode_depth, decode_depth_with, encode_depth, encode_exr, read_depth, write_depth};
+#[cfg(feature = "files")]
+pub(crate) use file::is_known_kind;
 #[cfg(feature = "images")]
 pub use file::{
     StoredImage, decode_depth_png, decode_depth_png_with, decode_image, decode_image_with,

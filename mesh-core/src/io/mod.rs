@@ -31,6 +31,8 @@ mod regular;
 #[cfg(feature = "files")]
 mod any;
 #[cfg(feature = "files")]
+mod atlas;
+#[cfg(feature = "files")]
 pub mod binvox;
 #[cfg(feature = "files")]
 mod check;

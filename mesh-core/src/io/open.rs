@@ -4,7 +4,8 @@ use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 use super::{NotRead, ReadMeshError, regular};
-use crate::{Budget, Image, Limits, read_image_with};
+use crate::image::is_known_kind;
+use crate::{Budget, Image, ImageError, Limits, decode_image_with};
 
 /// A mesh file, or its bytes alone, and what reading it may hold and open.
 pub(super) struct Contents<'a> {
@@ -96,11 +97,33 @@ pub(super) fn blank() -> Image {
     Image { height: 1, width: 1, channels: 3, data: vec![1.0; 3] }
 }
 
-/// The image that lies on a mesh.
-pub(super) fn texture(path: &Path, file: &Path, limits: &Limits) -> Result<Image, ReadMeshError> {
-    let image = read_image_with(file, limits)
+/// The image in a file that lies on the mesh `path`, or why the mesh is read without: one of a kind that is not known says
+/// nothing against the mesh, one that is damaged does.
+pub(super) fn texture(
+    path: &Path,
+    file: &Path,
+    limits: &Limits,
+) -> Result<Result<Image, NotRead>, ReadMeshError> {
+    let bytes = regular(file).map_err(|source| ReadMeshError::Texture {
+        path: path.to_owned(),
+        source: ImageError::Io { path: file.to_owned(), source },
+    })?;
+    picture(path, &bytes, file, limits)
+}
+
+/// [`texture`] of bytes; `name` stands for them in errors.
+pub(super) fn picture(
+    path: &Path,
+    bytes: &[u8],
+    name: &Path,
+    limits: &Limits,
+) -> Result<Result<Image, NotRead>, ReadMeshError> {
+    if !is_known_kind(bytes) {
+        return Ok(Err(NotRead::UnknownKind));
+    }
+    let image = decode_image_with(bytes, name, limits)
         .map_err(|source| ReadMeshError::Texture { path: path.to_owned(), source })?;
-    Ok(image.to_rgb_floats())
+    Ok(Ok(image.to_rgb_floats()))
 }
 
 /// The folder of a mesh, below which the files that it names must be.

@@ -49,6 +49,11 @@ pub enum Remark {
         /// How many.
         count: usize,
     },
+    /// Faces with a colour of their own, of formats whose colours are those of vertices otherwise.
+    FaceColors {
+        /// How many.
+        count: usize,
+    },
     /// Parts that consist of lines.
     Lines {
         /// How many.
@@ -66,6 +71,8 @@ pub enum NotRead {
     Outside,
     /// A folder, a device or a pipe.
     NotAFile,
+    /// An image that is neither PNG nor JPEG.
+    UnknownKind,
 }
 
 impl fmt::Display for NotRead {
@@ -74,6 +81,7 @@ impl fmt::Display for NotRead {
             Self::Missing => "no such file",
             Self::Outside => "outside the folder of the mesh",
             Self::NotAFile => "not a regular file",
+            Self::UnknownKind => "neither PNG nor JPEG",
         })
     }
 }
@@ -112,6 +120,10 @@ impl fmt::Display for Remark {
             Self::BetweenColors { count } => {
                 let take = plural(*count, "corner takes", "corners take");
                 write!(f, "{count} {take} the colour of another material at the same vertex")
+            }
+            Self::FaceColors { count } => {
+                let colors = plural(*count, "colour of a face", "colours of faces");
+                write!(f, "{count} {colors} left out")
             }
             Self::Lines { count } => {
                 let parts = plural(*count, "part that consists", "parts that consist");

@@ -27,7 +27,7 @@ const ROUNDS: usize = 100;
 ///
 /// Genus, closedness and orientation stay: a collapse that would break them, turn a face over or make a
 /// sliver is not made, so a mesh may keep more faces than were asked for; what may go later goes later. Colours are those of the nearest
-/// place of the old surface. The order is fixed, so the result is the same on every machine.
+/// place of the old surface. Vertices that no face uses are left out. The order is fixed, so the result is the same on every machine.
 ///
 /// ```
 /// use mesh_core::{primitives, simplify};
@@ -49,6 +49,14 @@ const ROUNDS: usize = 100;
 /// Garland and Heckbert 1997, *Surface Simplification Using Quadric Error Metrics*, with areas as
 /// weights.
 pub fn simplify(mesh: &TriMesh, faces: usize) -> Result<Remeshed, RemeshError> {
+    mesh.validate()?;
+    let used;
+    let mesh = if mesh.has_unused_vertices() {
+        used = mesh.without_unused_vertices();
+        &used
+    } else {
+        mesh
+    };
     let mut state = State::new(mesh)?;
     let mut left = mesh.faces.len();
     for _ in 0..ROUNDS {
@@ -241,6 +249,14 @@ mod tests {
             assert!(worst.fold(0.0, f64::max) < far);
             assert_eq!(coarse, simplify(&mesh, faces).unwrap(), "the same each time");
         }
+    }
+
+    #[test]
+    fn vertices_of_no_face_are_left_out() {
+        let ball = primitives::icosphere(3);
+        let mut loose = ball.clone();
+        loose.positions.push([9.0; 3]);
+        assert_eq!(simplify(&loose, 200), simplify(&ball, 200));
     }
 
     #[test]

@@ -1,17 +1,30 @@
 //! Numbers in the binary chunk.
 
 use super::component;
-use super::document::Accessor;
+use super::document::{Accessor, Sparse, SparsePart};
 use super::read::Glb;
 use crate::io::ReadMeshError;
 
 /// The items of an accessor, each `size` bytes, `stride` apart; all of them are there.
 pub(super) struct Items<'a> {
     accessor: &'a Accessor,
-    bytes: &'a [u8],
+    /// `None` where all are zero but those that stand elsewhere.
+    bytes: Option<&'a [u8]>,
     stride: usize,
     size: usize,
+    elsewhere: Option<Elsewhere<'a>>,
 }
+
+/// Items that stand elsewhere than the others, by their ascending indices.
+struct Elsewhere<'a> {
+    indices: &'a [u8],
+    /// Bytes of an index.
+    width: usize,
+    values: &'a [u8],
+}
+
+/// An item of zeros; none is larger.
+const ZEROS: [u8; 16] = [0; 16];
 
 impl Items<'_> {
     pub(super) fn count(&self) -> usize {
@@ -19,7 +32,37 @@ impl Items<'_> {
     }
 
     fn item(&self, k: usize) -> &[u8] {
-        &self.bytes[k * self.stride..][..self.size]
+        if let Some(item) = self.elsewhere.as_ref().and_then(|e| e.item(k, self.size)) {
+            return item;
+        }
+        self.bytes.map_or(&ZEROS[..self.size], |bytes| &bytes[k * self.stride..][..self.size])
+    }
+}
+
+impl Elsewhere<'_> {
+    fn count(&self) -> usize {
+        self.indices.len() / self.width
+    }
+
+    fn index(&self, at: usize) -> u32 {
+        let mut four = [0; 4];
+        four[..self.width].copy_from_slice(&self.indices[at * self.width..][..self.width]);
+        u32::from_le_bytes(four)
+    }
+
+    /// Item `k`, if it is one of these.
+    fn item(&self, k: usize, size: usize) -> Option<&[u8]> {
+        let (mut low, mut high) = (0, self.count());
+        while low < high {
+            let middle = low.midpoint(high);
+            if (self.index(middle) as usize) < k {
+                low = middle + 1;
+            } else {
+                high = middle;
+            }
+        }
+        let is_there = low < self.count() && self.index(low) as usize == k;
+        is_there.then(|| &self.values[low * size..][..size])
     }
 }
 
@@ -27,9 +70,6 @@ impl Glb<'_> {
     /// The items of an accessor; everything that it claims is checked.
     pub(super) fn items(&self, index: usize, name: &str) -> Result<Items<'_>, ReadMeshError> {
         let accessor = self.get(&self.document.accessors, index, "accessor")?;
-        if accessor.sparse.is_some() {
-            return Err(self.bad(name, "a sparse accessor", "a plain one"));
-        }
         let width = match accessor.kind.as_str() {
             "SCALAR" => 1,
             "VEC2" => 2,
@@ -41,28 +81,87 @@ impl Glb<'_> {
             * component_size(accessor.component_type).ok_or_else(|| {
                 self.bad(name, format!("componentType {}", accessor.component_type), "5120 to 5126")
             })?;
+        let elsewhere = accessor.sparse.as_deref();
+        let elsewhere = elsewhere.map(|s| self.elsewhere(s, accessor, size, name)).transpose()?;
         let Some(view) = accessor.buffer_view else {
-            return Err(self.bad(name, "an accessor without data", "one with a bufferView"));
+            // Nothing but a number says how many zeros there are.
+            if elsewhere.is_none() || accessor.count > self.bin.len() as u64 {
+                return Err(self.bad(name, "an accessor without data", "one with a bufferView"));
+            }
+            return Ok(Items { accessor, bytes: None, stride: size, size, elsewhere });
         };
         let bytes = self.view(view, name)?;
         let stride = self.document.buffer_views[view].byte_stride.unwrap_or(size as u64);
         if stride < size as u64 {
             return Err(self.bad(name, format!("byteStride {stride}"), &format!("{size} or more")));
         }
+        let bytes = self.items_in(
+            bytes,
+            accessor.byte_offset,
+            [accessor.count, stride, size as u64],
+            name,
+        )?;
+        Ok(Items { accessor, bytes: Some(bytes), stride: stride as usize, size, elsewhere })
+    }
+
+    /// What follows an offset: so many items, so far apart, of so many bytes.
+    fn items_in<'b>(
+        &self,
+        bytes: &'b [u8],
+        offset: u64,
+        [count, stride, size]: [u64; 3],
+        name: &str,
+    ) -> Result<&'b [u8], ReadMeshError> {
         // The last item need not be followed by the rest of its stride.
-        let end = accessor.count.checked_sub(1).map_or(Some(0), |last| {
-            last.checked_mul(stride)?.checked_add(accessor.byte_offset)?.checked_add(size as u64)
+        let end = count.checked_sub(1).map_or(Some(0), |last| {
+            last.checked_mul(stride)?.checked_add(offset)?.checked_add(size)
         });
         if end.is_none_or(|end| end > bytes.len() as u64) {
             return Err(self.bad(
                 name,
-                format!("{} items in {} bytes", accessor.count, bytes.len()),
+                format!("{count} items in {} bytes", bytes.len()),
                 "as many as there are bytes for",
             ));
         }
         // An accessor of nothing may begin anywhere.
-        let bytes = bytes.get(accessor.byte_offset as usize..).unwrap_or_default();
-        Ok(Items { accessor, bytes, stride: stride as usize, size })
+        Ok(bytes.get(offset as usize..).unwrap_or_default())
+    }
+
+    /// The items of a sparse accessor that stand elsewhere.
+    fn elsewhere(
+        &self,
+        sparse: &Sparse,
+        accessor: &Accessor,
+        size: usize,
+        name: &str,
+    ) -> Result<Elsewhere<'_>, ReadMeshError> {
+        let Sparse { count, indices, values } = sparse;
+        let width = match indices.component_type {
+            component::U8 => 1,
+            component::U16 => 2,
+            component::U32 => 4,
+            other => {
+                return Err(self.bad(name, format!("componentType {other}"), "an unsigned one"));
+            }
+        };
+        let part = |part: &SparsePart, size: usize| {
+            let bytes = self.view(part.buffer_view, name)?;
+            let bytes =
+                self.items_in(bytes, part.byte_offset, [*count, size as u64, size as u64], name)?;
+            Ok(&bytes[..*count as usize * size])
+        };
+        let elsewhere =
+            Elsewhere { indices: part(indices, width)?, width, values: part(values, size)? };
+        let mut next = 0;
+        for at in 0..elsewhere.count() {
+            let index = u64::from(elsewhere.index(at));
+            if index < next || index >= accessor.count {
+                let expected = format!("ascending ones below {}", accessor.count);
+                return Err(self.bad(name, format!("sparse index {index}"), &expected));
+            }
+            next = index + 1;
+        }
+        Ok(elsewhere)
     }
 
     /// The items of an accessor of at least `N` numbers each.

@@ -1,7 +1,6 @@
 //! The parts of glTF's JSON that make a mesh.
 
 use serde::Deserialize;
-use serde::de::IgnoredAny;
 
 /// What an object of the JSON may take at most while its list grows, by the largest of the types
 /// below; `tests` hold it.
@@ -87,7 +86,26 @@ pub(super) struct Accessor {
     pub(super) count: u64,
     #[serde(rename = "type")]
     pub(super) kind: String,
-    pub(super) sparse: Option<IgnoredAny>,
+    pub(super) sparse: Option<Box<Sparse>>,
+}
+
+/// Items of an accessor that stand elsewhere than the others.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Sparse {
+    pub(super) count: u64,
+    pub(super) indices: SparsePart,
+    pub(super) values: SparsePart,
+}
+
+/// Which items they are, or what they are.
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "camelCase", default)]
+pub(super) struct SparsePart {
+    pub(super) buffer_view: usize,
+    pub(super) byte_offset: u64,
+    /// Of indices.
+    pub(super) component_type: u32,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -109,6 +127,22 @@ pub(super) struct Buffer {
 #[serde(rename_all = "camelCase", default)]
 pub(super) struct Material {
     pub(super) pbr_metallic_roughness: Surface,
+    pub(super) extensions: MaterialExtensions,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct MaterialExtensions {
+    #[serde(rename = "KHR_materials_pbrSpecularGlossiness")]
+    pub(super) specular_glossiness: Option<Box<Diffuse>>,
+}
+
+/// What older programs write in place of a [`Surface`].
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "camelCase", default)]
+pub(super) struct Diffuse {
+    pub(super) diffuse_factor: Option<[f32; 4]>,
+    pub(super) diffuse_texture: Option<TextureInfo>,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -123,6 +157,26 @@ pub(super) struct Surface {
 pub(super) struct TextureInfo {
     pub(super) index: usize,
     pub(super) tex_coord: u32,
+    pub(super) extensions: TextureExtensions,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct TextureExtensions {
+    #[serde(rename = "KHR_texture_transform")]
+    pub(super) transform: Option<Box<TextureTransform>>,
+}
+
+/// How texture coordinates are scaled, then turned, then moved; v goes down.
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "camelCase", default)]
+pub(super) struct TextureTransform {
+    pub(super) offset: [f32; 2],
+    /// Radians.
+    pub(super) rotation: f32,
+    pub(super) scale: Option<[f32; 2]>,
+    /// In place of [`TextureInfo::tex_coord`].
+    pub(super) tex_coord: Option<u32>,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -152,7 +206,10 @@ mod tests {
             size_of::<Accessor>(),
             size_of::<BufferView>(),
             size_of::<Buffer>(),
+            size_of::<Sparse>(),
             size_of::<Material>(),
+            size_of::<Diffuse>(),
+            size_of::<TextureTransform>(),
             size_of::<Texture>(),
             size_of::<Image>(),
         ];

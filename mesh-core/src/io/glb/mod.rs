@@ -2,6 +2,7 @@
 
 mod accessor;
 mod document;
+mod material;
 mod read;
 mod soup;
 mod write;

@@ -1,17 +1,19 @@
 //! Reading GLB.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use nalgebra::{Matrix4, Quaternion, UnitQuaternion, Vector3, Vector4};
 
 use super::accessor::Items;
 use super::document::{Document, Node, PER_ITEM, PER_OBJECT, Primitive};
+use super::material::{Look, tinted};
 use super::soup::Soup;
 use super::{BIN, JSON, MAGIC};
-use crate::io::open::{self, Contents, readers};
-use crate::io::remark::counted;
-use crate::io::{ReadMeshError, Remark};
-use crate::{Budget, Image, Limits, TriMesh, decode_image_with, linear_to_srgb, srgb_to_linear};
+use crate::io::open::{self, Contents, Root, readers};
+use crate::io::remark::{counted, not_read};
+use crate::io::{NotRead, ReadMeshError, Remark};
+use crate::{Budget, Limits, TriMesh, linear_to_srgb};
 
 readers! {
     /// Reads the triangles of a GLB file's scene as one mesh, nodes' transforms applied.
@@ -19,11 +21,13 @@ readers! {
     /// Vertices that files split at seams of normals or texture coordinates are joined again where
     /// position and colour are the same bits; what this crate wrote without a texture has no such seams
     /// and stays as it is. Vertex colours come back as sRGB. One texture is kept, multiplied by its material's colour; on parts
-    /// without it its corner (0, 0) lies. Lines and triangles that name a vertex twice are left out: see [`read_with`].
+    /// without it its corner (0, 0) lies. `KHR_texture_transform` is applied, and of `KHR_materials_pbrSpecularGlossiness` the
+    /// diffuse part is read. Lines, triangles that name a vertex twice, and images that are neither PNG nor JPEG, or not in the
+    /// file nor in its folder, are left out: see [`read_with`].
     ///
     /// # Errors
     /// The file cannot be read, is no GLB 2.0, needs an extension that changes its geometry
-    /// (compression), keeps data in other files, or holds an index or a length out of range, or a
+    /// (compression), keeps its geometry in other files, or holds an index or a length out of range, or a
     /// position that is not finite; or the default [`Limits`] are not enough.
     read,
     /// The mesh in the bytes of a GLB file.
@@ -34,24 +38,39 @@ readers! {
 /// What showing a part of a mesh is counted as, beside its vertices and triangles.
 const PER_PART: u64 = 32;
 
-/// Extensions that leave positions, indices and colours as they are.
+/// Extensions that are read, or that leave positions and indices as they are.
 fn is_harmless(extension: &str) -> bool {
-    extension == "KHR_mesh_quantization" || extension.starts_with("KHR_materials_")
+    const KNOWN: [&str; 7] = [
+        "KHR_mesh_quantization",
+        "KHR_texture_transform",
+        "KHR_lights_punctual",
+        // Kinds of images: those that are not read are left out.
+        "KHR_texture_basisu",
+        "EXT_texture_webp",
+        "EXT_texture_avif",
+        "MSFT_texture_dds",
+    ];
+    KNOWN.contains(&extension) || extension.starts_with("KHR_materials_")
 }
 
 pub(super) struct Glb<'a> {
-    path: &'a Path,
+    pub(super) path: &'a Path,
     pub(super) document: Document,
-    bin: &'a [u8],
+    pub(super) bin: &'a [u8],
+    pub(super) limits: &'a Limits,
+    /// As [`Contents::root`].
+    pub(super) root: Option<Root>,
     /// As [`Contents::only_uvs`].
     only_uvs: bool,
 }
 
 /// What was left out on the way.
 #[derive(Default)]
-struct LeftOut {
+pub(super) struct LeftOut {
     lines: usize,
-    textures: usize,
+    pub(super) textures: usize,
+    /// Images that were not read.
+    pub(super) unread: BTreeMap<String, NotRead>,
     /// Parts whose texture would be multiplied by colours of its own.
     tints: usize,
     /// Corners of parts without the texture.
@@ -62,10 +81,10 @@ pub(in crate::io) fn assemble(
     contents: Contents<'_>,
     remarks: &mut Vec<Remark>,
 ) -> Result<TriMesh, ReadMeshError> {
-    let Contents { bytes, path, limits, mut budget, only_uvs, .. } = contents;
+    let Contents { bytes, path, limits, mut budget, root, only_uvs } = contents;
     let budget = &mut budget;
     let over = ReadMeshError::over_limit(path);
-    let glb = Glb { only_uvs, ..Glb::open(&bytes, path, budget)? };
+    let glb = Glb { root, only_uvs, ..Glb::open(&bytes, path, limits, budget)? };
     let mut soup = Soup::default();
     let mut left_out = LeftOut::default();
     for (node, transform) in glb.placed(budget)? {
@@ -80,7 +99,7 @@ pub(in crate::io) fn assemble(
     let image = if only_uvs {
         (!soup.uvs.is_empty()).then(open::blank)
     } else {
-        soup.image.map(|index| glb.image(index, limits)).transpose()?.map(|i| tinted(i, soup.tint))
+        soup.image.take().map(|(_, image)| tinted(image, soup.tint))
     };
     if image.is_some() {
         // A mesh has colours or a texture; one that gets its texture still has those that no view will show.
@@ -90,6 +109,9 @@ pub(in crate::io) fn assemble(
         counted(remarks, left_out.bare, |count| Remark::MissingTexcoords { count });
     }
     let (mesh, repeated) = soup.joined(image, budget).map_err(&over)?;
+    for (name, why) in left_out.unread {
+        not_read(remarks, &name, why);
+    }
     counted(remarks, left_out.lines, |count| Remark::Lines { count });
     counted(remarks, left_out.textures, |count| Remark::OtherTextures { count });
     counted(remarks, left_out.tints, |count| Remark::OtherTints { count });
@@ -97,21 +119,13 @@ pub(in crate::io) fn assemble(
     Ok(mesh)
 }
 
-/// Multiplies what a texture shows by a colour of linear light, as glTF has it.
-fn tinted(mut image: Image, tint: [f32; 3]) -> Image {
-    if tint == [1.0; 3] {
-        return image;
-    }
-    for pixel in image.data.chunks_exact_mut(3) {
-        for (c, t) in pixel.iter_mut().zip(tint) {
-            *c = linear_to_srgb((srgb_to_linear(*c) * t).clamp(0.0, 1.0));
-        }
-    }
-    image
-}
-
 impl<'a> Glb<'a> {
-    fn open(bytes: &'a [u8], path: &'a Path, budget: &mut Budget) -> Result<Self, ReadMeshError> {
+    fn open(
+        bytes: &'a [u8],
+        path: &'a Path,
+        limits: &'a Limits,
+        budget: &mut Budget,
+    ) -> Result<Self, ReadMeshError> {
         let bad = |field: &str, found: &dyn ToString, expected: &str| {
             ReadMeshError::malformed(path, field, found.to_string(), expected)
         };
@@ -153,7 +167,7 @@ impl<'a> Glb<'a> {
         if let Some(name) = document.extensions_required.iter().find(|name| !is_harmless(name)) {
             return Err(bad("extensionsRequired", name, "none that changes geometry or colours"));
         }
-        Ok(Self { path, document, bin, only_uvs: false })
+        Ok(Self { path, document, bin, limits, root: None, only_uvs: false })
     }
 
     pub(super) fn bad(&self, field: &str, found: impl ToString, expected: &str) -> ReadMeshError {
@@ -236,30 +250,27 @@ impl<'a> Glb<'a> {
         let material =
             primitive.material.map(|m| self.get(&self.document.materials, m, "material"));
         let material = material.transpose()?;
-        let surface = material.map(|m| &m.pbr_metallic_roughness);
-        let factor =
-            surface.and_then(|s| s.base_color_factor).map_or([1.0; 3], |f| [f[0], f[1], f[2]]);
+        let Look { texture, factor } = Look::of(material);
         let mut textured = false;
         if self.only_uvs {
             // Whatever image lies there, and on parts that have none yet.
             if let Some(texcoord) = primitive.attributes.texcoord {
-                self.texcoords(texcoord, base, count, soup, budget)?;
+                self.texcoords(texcoord, None, base, soup, budget)?;
                 textured = true;
             }
-        } else if let Some(info) = surface.and_then(|s| s.base_color_texture.as_ref()) {
-            let texture = self.get(&self.document.textures, info.index, "texture")?;
-            let usable =
-                info.tex_coord == 0 && soup.image.is_none_or(|i| texture.source == Some(i));
-            match (primitive.attributes.texcoord, texture.source) {
-                (Some(texcoord), Some(source)) if usable => {
-                    if soup.image.is_none() {
+        } else if let Some(info) = texture {
+            let is_first = soup.image.is_none();
+            match primitive.attributes.texcoord {
+                None => left_out.textures += 1,
+                Some(texcoord) if self.lies(info, soup, left_out)? => {
+                    if is_first {
                         soup.tint = factor;
                     }
-                    soup.image = Some(source);
+                    let transform = info.extensions.transform.as_deref();
+                    self.texcoords(texcoord, transform, base, soup, budget)?;
                     textured = true;
-                    self.texcoords(texcoord, base, count, soup, budget)?;
                 }
-                _ => left_out.textures += 1,
+                Some(_) => {}
             }
         }
         let own = self.document.asset.generator.starts_with(super::GENERATOR);
@@ -299,26 +310,6 @@ impl<'a> Glb<'a> {
             }
             soup.positions.push(placed);
         }
-        Ok(())
-    }
-
-    fn texcoords(
-        &self,
-        accessor: usize,
-        base: usize,
-        count: usize,
-        soup: &mut Soup,
-        budget: &mut Budget,
-    ) -> Result<(), ReadMeshError> {
-        let uvs = self.floats::<2>(accessor, "TEXCOORD_0")?;
-        self.as_many(&uvs, count, "TEXCOORD_0")?;
-        let filled = budget.fill(&mut soup.uvs, base, [0.0; 2], count);
-        filled.map_err(ReadMeshError::over_limit(self.path))?;
-        for k in 0..count {
-            let [u, v]: [f32; 2] = self.row(&uvs, k, "TEXCOORD_0")?;
-            soup.uvs.push([u, 1.0 - v]);
-        }
-        soup.split = true;
         Ok(())
     }
 
@@ -384,19 +375,6 @@ impl<'a> Glb<'a> {
             soup.faces.push(if mirrored { [a, c, b] } else { [a, b, c] });
         }
         Ok(())
-    }
-
-    /// Where an image of the file is decoded.
-    fn image(&self, index: usize, limits: &Limits) -> Result<Image, ReadMeshError> {
-        let image = self.get(&self.document.images, index, "image")?;
-        let Some(view) = image.buffer_view else {
-            let found = image.uri.as_deref().map_or("nothing", |_| "a uri");
-            return Err(self.bad("image", found, "an image in the BIN chunk"));
-        };
-        let bytes = self.view(view, "image")?;
-        let decoded = decode_image_with(bytes, self.path, limits)
-            .map_err(|source| ReadMeshError::Texture { path: self.path.to_owned(), source })?;
-        Ok(decoded.to_rgb_floats())
     }
 
     pub(super) fn view(&self, index: usize, name: &str) -> Result<&'a [u8], ReadMeshError> {

@@ -11,8 +11,8 @@ pub(super) struct Soup {
     pub(super) faces: Vec<[u32; 3]>,
     /// Whether any part was split at seams.
     pub(super) split: bool,
-    /// The image in use.
-    pub(super) image: Option<usize>,
+    /// The image in use, and its number.
+    pub(super) image: Option<(usize, Image)>,
     /// What it is multiplied by, in linear light.
     pub(super) tint: [f32; 3],
 }

@@ -4,6 +4,7 @@ mod lines;
 mod mtl;
 mod parse;
 mod read;
+mod skin;
 mod write;
 
 pub(super) use read::mesh;

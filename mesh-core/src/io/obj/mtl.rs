@@ -11,20 +11,24 @@ use crate::io::remark::{counted, not_read};
 use crate::io::{NotRead, ReadMeshError, Remark};
 use crate::{Budget, Limits};
 
-/// The image of a material: its name, and which library names it.
-struct MapFile {
-    name: String,
-    library: usize,
+/// The image of a material.
+pub(super) struct MapFile {
+    pub(super) name: String,
+    /// Which library names it.
+    pub(super) library: usize,
+    /// What texture coordinates are multiplied by (`-s`), and what is then added to them (`-o`).
+    pub(super) scale: [f32; 2],
+    pub(super) offset: [f32; 2],
 }
 
 /// For each material that the mesh uses, its `map_Kd` and its `Kd`.
 #[derive(Default)]
 pub(super) struct Materials {
-    maps: Vec<Option<MapFile>>,
+    pub(super) maps: Vec<Option<MapFile>>,
     /// sRGB.
-    colors: Vec<Option<[f32; 3]>>,
+    pub(super) colors: Vec<Option<[f32; 3]>>,
     /// The folders of the libraries, from which the names of their images start.
-    folders: Vec<PathBuf>,
+    pub(super) folders: Vec<PathBuf>,
 }
 
 impl Materials {
@@ -91,9 +95,7 @@ impl Materials {
                     current = material.filter(|&m| !std::mem::replace(&mut defined[m], true));
                 }
                 "map_Kd" | "map_kd" => {
-                    if let (Some(material), Some(name)) = (current, file_name(rest)) {
-                        let library = self.folders.len();
-                        let map = MapFile { name: name.to_owned(), library };
+                    if let (Some(material), Some(map)) = (current, map(rest, self.folders.len())) {
                         self.maps[material] = Some(map);
                     }
                 }
@@ -140,34 +142,6 @@ impl Materials {
         counted(remarks, between, |count| Remark::BetweenColors { count });
         Ok(colors)
     }
-
-    /// The image of the first material in use that has one whose file is there.
-    pub(super) fn image(
-        &self,
-        parsed: &Parsed,
-        root: &Root,
-        remarks: &mut Vec<Remark>,
-    ) -> Option<PathBuf> {
-        let mut chosen: Option<PathBuf> = None;
-        let mut others = 0;
-        // Each material is looked up once, in the order of the faces.
-        let mut seen = vec![false; self.maps.len()];
-        for material in parsed.used() {
-            if std::mem::replace(&mut seen[material], true) {
-                continue;
-            }
-            let Some(map) = &self.maps[material] else { continue };
-            match root.find(&self.folders[map.library], &map.name) {
-                Err(why) => not_read(remarks, &map.name, why),
-                Ok(file) => match &chosen {
-                    None => chosen = Some(file),
-                    Some(first) => others += usize::from(*first != file),
-                },
-            }
-        }
-        counted(remarks, others, |count| Remark::OtherTextures { count });
-        chosen
-    }
 }
 
 /// Three shares of red, green and blue; `None` for spectra, and for other spaces of colour.
@@ -188,20 +162,31 @@ fn words_after(option: &str) -> Option<usize> {
     }
 }
 
-/// The file name of a texture statement: what stands after the options; it may hold spaces.
-fn file_name(mut rest: &str) -> Option<&str> {
-    while let Some(count) = words_after(split_word(rest).0) {
+/// What a texture statement says; the file name stands after the options and may hold spaces.
+fn map(mut rest: &str, library: usize) -> Option<MapFile> {
+    let (mut scale, mut offset) = ([1.0; 2], [0.0; 2]);
+    while let (option, Some(count)) = (split_word(rest).0, words_after(split_word(rest).0)) {
         // `-o`, `-s` and `-t` take one to three numbers; a word that is none ends them.
         rest = split_word(rest).1;
         for k in 0..count {
             let (word, after) = split_word(rest);
-            if k > 0 && count == 3 && word.parse::<f32>().is_err() {
+            let number = word.parse::<f32>().ok();
+            if k > 0 && count == 3 && number.is_none() {
                 break;
+            }
+            let slot = match option {
+                "-s" => scale.get_mut(k),
+                "-o" => offset.get_mut(k),
+                _ => None,
+            };
+            if let (Some(slot), Some(number)) = (slot, number.filter(|n| n.is_finite())) {
+                *slot = number;
             }
             rest = after;
         }
     }
-    (!rest.is_empty()).then_some(rest)
+    let name = (!rest.is_empty()).then(|| rest.to_owned())?;
+    Some(MapFile { name, library, scale, offset })
 }
 
 #[cfg(test)]
@@ -211,7 +196,7 @@ mod tests {
 
     #[test]
     fn images_are_found_behind_options_comments_and_backslashes() {
-        let text = "# lib\nnewmtl a\r\n map_Kd -s 1 1 -bm 0.5 tex\\my image.png # it\n\
+        let text = "# lib\nnewmtl a\r\n map_Kd -s 2 -3 -bm 0.5 tex\\my image.png # it\n\
                     newmtl b\nKd 1 0 0\nnewmtl c d\nmap_Kd -o 1 2 3 x#2.png\nnewmtl unused\n\
                     map_Kd y.png\nnewmtl a\nmap_Kd second.png\n";
         let names = [("a", 0), ("b", 1), ("c d", 2)].map(|(name, m)| (name.to_owned(), m)).into();
@@ -225,6 +210,8 @@ mod tests {
         let maps: Vec<_> =
             materials.maps.iter().map(|m| m.as_ref().map(|m| m.name.as_str())).collect();
         assert_eq!(maps, [Some("tex\\my image.png"), None, Some("x#2.png")]);
+        let placed: Vec<_> = materials.maps.iter().flatten().map(|m| (m.scale, m.offset)).collect();
+        assert_eq!(placed, [([2.0, -3.0], [0.0; 2]), ([1.0; 2], [1.0, 2.0])]);
         assert_eq!(materials.folders, [Path::new("f")]);
     }
 }

@@ -5,13 +5,12 @@ use std::ops::Range;
 use std::path::Path;
 
 use super::lines::{Lines, split_word};
+use crate::io::atlas::NONE;
 use crate::io::polygons::Polygons;
 use crate::io::remark::counted;
 use crate::io::{ReadMeshError, Remark};
 use crate::{Budget, OverLimit};
 
-/// Stands for "no texture coordinate".
-pub(super) const NONE: u32 = u32::MAX;
 /// Stands for "no colour"; those of a file are finite.
 pub(super) const UNCOLORED: [f32; 3] = [f32::INFINITY; 3];
 

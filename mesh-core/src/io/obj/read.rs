@@ -1,14 +1,18 @@
 //! Reading OBJ as people have it.
 
 use super::mtl::Materials;
-use super::parse::{NONE, Parsed, UNCOLORED, parse};
+use super::parse::{Parsed, UNCOLORED, parse};
+use super::skin;
+use crate::TriMesh;
 use crate::io::open::{self, Contents, readers};
-use crate::io::remark::counted;
 use crate::io::{ReadMeshError, Remark};
-use crate::{Budget, Image, Texture, TriMesh};
 
 readers! {
-    /// Reads an OBJ file and the texture of its material library, or where there is none the materials' colours (`Kd`).
+    /// Reads an OBJ file and the textures of its material libraries, or where there are none the materials' colours (`Kd`).
+    ///
+    /// Where materials differ, one image is made of all their textures and of the colours of those without; where one texture
+    /// lies on all it stays as it is. `-s` and `-o` of `map_Kd` are applied. A texture that is repeated more often than the image has room for is made
+    /// smaller.
     ///
     /// Vertices keep their order, used or not. Polygons become triangles. Indices may be
     /// negative, corners may be `v`, `v/vt`, `v//vn` or `v/vt/vn` in any mixture, lines may end in LF, CR
@@ -18,7 +22,7 @@ readers! {
     ///
     /// What other programs pass over is left out here too: points, lines, faces of one or two corners,
     /// triangles that name a vertex twice, texture coordinates that are not in the file, a texture or a
-    /// library that is not there. [`read_with`] says what it was.
+    /// library that is not there, a texture that is neither PNG nor JPEG. [`read_with`] says what it was.
     ///
     /// Files that the mesh names (`mtllib`, and `map_Kd` in the library) are opened only if they are
     /// regular files in the mesh's folder or below it, wherever links lead; see
@@ -26,7 +30,7 @@ readers! {
     ///
     /// # Errors
     /// The file cannot be read; a number is missing, unreadable or not finite; an index of a vertex is 0
-    /// or out of range; an image that is there cannot be read; the default [`Limits`](crate::Limits) are not enough.
+    /// or out of range; the first image is damaged; the default [`Limits`](crate::Limits) are not enough.
     read,
     /// The mesh in the bytes of an OBJ file; no other file is looked at, so it has no texture.
     decode,
@@ -40,31 +44,23 @@ pub(in crate::io) fn mesh(
     let Contents { bytes, path, limits, mut budget, root, only_uvs } = contents;
     let mut parsed = parse(&bytes, path, &mut budget, remarks)?;
     drop(bytes);
-    let mut image = None;
+    let over = ReadMeshError::over_limit(path);
+    let mut texture = None;
     if only_uvs {
-        image = (!parsed.uv_faces.is_empty()).then(open::blank);
+        if !parsed.uv_faces.is_empty() {
+            let blank = skin::one(&mut parsed, skin::PLAIN, open::blank(), &mut budget, remarks);
+            texture = Some(blank.map_err(&over)?);
+        }
     } else if let Some(root) = root {
         let materials = Materials::read(&parsed, &root, path, limits, remarks)?;
-        if let Some(file) = materials.image(&parsed, &root, remarks) {
-            image = Some(open::texture(path, &file, limits)?);
-        } else if parsed.colors.is_empty() {
+        let place = (path, limits);
+        texture = skin::texture(&mut parsed, &materials, &root, place, &mut budget, remarks)?;
+        if texture.is_none() && parsed.colors.is_empty() {
             let colors = materials.vertex_colors(&parsed, &mut budget, remarks);
-            parsed.colors = colors.map_err(ReadMeshError::over_limit(path))?;
+            parsed.colors = colors.map_err(&over)?;
         }
     }
-    mesh_of(parsed, image, &mut budget, remarks).map_err(ReadMeshError::over_limit(path))
-}
-
-fn mesh_of(
-    parsed: Parsed,
-    image: Option<Image>,
-    budget: &mut Budget,
-    remarks: &mut Vec<Remark>,
-) -> Result<TriMesh, crate::OverLimit> {
-    let Parsed { positions, mut colors, uvs, faces, uv_faces, .. } = parsed;
-    let texture = image
-        .map(|image| texture(uvs, uv_faces, faces.len(), image, budget, remarks))
-        .transpose()?;
+    let Parsed { positions, mut colors, faces, .. } = parsed;
     to_unit(&mut colors);
     let colors = (!colors.is_empty()).then_some(colors);
     Ok(TriMesh { positions, faces, colors, texture })
@@ -82,25 +78,4 @@ fn to_unit(colors: &mut [[f32; 3]]) {
             color.map(|c| (c / largest).clamp(0.0, 1.0))
         };
     }
-}
-
-fn texture(
-    mut uvs: Vec<[f32; 2]>,
-    mut faces: Vec<[u32; 3]>,
-    count: usize,
-    image: Image,
-    budget: &mut Budget,
-    remarks: &mut Vec<Remark>,
-) -> Result<Texture, crate::OverLimit> {
-    budget.fill(&mut faces, count, [NONE; 3], 0)?;
-    let bare = faces.iter().flatten().filter(|&&i| i == NONE).count();
-    if bare > 0 {
-        let origin = uvs.len() as u32;
-        budget.push(&mut uvs, [0.0; 2])?;
-        for i in faces.iter_mut().flatten().filter(|i| **i == NONE) {
-            *i = origin;
-        }
-    }
-    counted(remarks, bare, |count| Remark::MissingTexcoords { count });
-    Ok(Texture { uvs, faces, image })
 }

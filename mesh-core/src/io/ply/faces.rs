@@ -23,6 +23,7 @@ pub(super) fn faces(
     let mut corner_uvs = Vec::new();
     let lists_texcoord =
         element.properties.iter().any(|p| p.length.is_some() && p.name == "texcoord");
+    let is_colored = element.properties.iter().any(|p| p.length.is_none() && p.name == "red");
     let mut has_texcoord = false;
     for item in 0..element.count {
         numbers.item = item;
@@ -58,6 +59,7 @@ pub(super) fn faces(
             parts.first_short = parts.first_short.or(line);
             continue;
         }
+        parts.face_colors += usize::from(is_colored);
         let uv = |k: usize| [texcoord[2 * k], texcoord[2 * k + 1]];
         let placed = texcoord.len() == 2 * polygon.len() && texcoord.iter().all(|v| v.is_finite());
         has_texcoord |= placed;

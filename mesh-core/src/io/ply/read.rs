@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::faces::{faces, strips};
-use super::header::{Element, Header, parse};
+use super::header::{Element, Header, Scalar, parse};
 use super::numbers::Numbers;
 use crate::io::open::{Contents, blank, readers, texture};
 use crate::io::polygons::Polygons;
@@ -15,7 +15,7 @@ readers! {
     /// Reads a PLY file: ASCII or binary, any order and type of properties.
     ///
     /// Vertices need `x`, `y` and `z`; colours are `red`, `green`, `blue` (bytes, or floats in
-    /// `[0, 1]`); faces are `vertex_indices` or `vertex_index`, polygons become triangles;
+    /// `[0, 1]`; wider numbers of which none is more than bytes are); faces are `vertex_indices` or `vertex_index`, polygons become triangles;
     /// `tristrips` are strips of triangles, which -1 ends. A texture is read where a comment
     /// `TextureFile` names one in the file's folder or below it and vertices (`s t`, `u v` or
     /// `texture_u texture_v`) or faces (`texcoord`) place it. Faces of one or two corners and triangles
@@ -23,8 +23,8 @@ readers! {
     ///
     /// # Errors
     /// The file cannot be read, ends early, or holds a number that is not finite, an index out of
-    /// range, or a texture that is no image; the default [`Limits`](crate::Limits) are not enough. A texture that is
-    /// not there is left out.
+    /// range, or a texture that is damaged; the default [`Limits`](crate::Limits) are not enough. A texture that is
+    /// not there, or neither PNG nor JPEG, is left out.
     read,
     /// The mesh in the bytes of a PLY file; no other file is looked at, so it has no texture.
     decode,
@@ -47,10 +47,14 @@ pub(in crate::io) fn mesh(
     let (Some(root), Some(name), Some((uvs, faces))) = (root, header.texture, placed) else {
         return Ok(mesh);
     };
-    let texture = match root.find(root.folder(), &name) {
-        Ok(file) => {
+    let image = match root.find(root.folder(), &name) {
+        Ok(file) => texture(path, &file, limits)?,
+        Err(why) => Err(why),
+    };
+    let texture = match image {
+        Ok(image) => {
             counted(remarks, header.other_textures, |count| Remark::OtherTextures { count });
-            Some(Texture { uvs, faces, image: texture(path, &file, limits)? })
+            Some(Texture { uvs, faces, image })
         }
         Err(why) => {
             not_read(remarks, &name, why);
@@ -76,6 +80,8 @@ pub(super) struct Parts {
     pub(super) first_short: Option<usize>,
     /// Triangles that name a vertex twice.
     pub(super) repeated: usize,
+    /// Faces with a colour of their own.
+    pub(super) face_colors: usize,
     /// Corners without a place on the texture, where others have one.
     pub(super) bare: usize,
 }
@@ -122,6 +128,7 @@ impl Parts {
         let line = self.first_short;
         counted(remarks, self.short, |count| Remark::ShortFaces { count, line });
         counted(remarks, self.repeated, |count| Remark::RepeatedVertices { count });
+        counted(remarks, self.face_colors, |count| Remark::FaceColors { count });
         let mesh = TriMesh {
             positions: self.positions,
             faces: self.faces,
@@ -196,7 +203,7 @@ fn vertices(
     let uv = [find(&["texture_u", "u", "s"]), find(&["texture_v", "v", "t"])];
     let uv = if let [Some(u), Some(v)] = uv { Some([u, v]) } else { None };
 
-    let mut colors = Vec::new();
+    let (mut colors, mut largest) = (Vec::new(), [0.0_f32; 3]);
     let mut uvs = Vec::new();
     let mut row = vec![0.0; element.properties.len()];
     for item in 0..element.count {
@@ -213,11 +220,12 @@ fn vertices(
         }
         budget.push(&mut parts.positions, position).map_err(&over)?;
         if let Some(rgb) = rgb {
-            let color = rgb.map(|k| (row[k] / element.properties[k].scalar.white()) as f32);
+            let color = rgb.map(|k| row[k] as f32);
             if let Some(bad) = color.iter().find(|v| !v.is_finite()) {
                 return Err(numbers.wrong("red, green, blue", bad, "finite numbers"));
             }
-            budget.push(&mut colors, color.map(|v| v.clamp(0.0, 1.0))).map_err(&over)?;
+            largest = std::array::from_fn(|k| largest[k].max(color[k]));
+            budget.push(&mut colors, color).map_err(&over)?;
         }
         if let Some(uv) = uv {
             let uv = uv.map(|k| row[k] as f32);
@@ -227,7 +235,21 @@ fn vertices(
             budget.push(&mut uvs, uv).map_err(&over)?;
         }
     }
-    parts.colors = rgb.map(|_| colors);
+    parts.colors = rgb.map(|rgb| {
+        to_unit(&mut colors, rgb.map(|k| element.properties[k].scalar), largest);
+        colors
+    });
     parts.vertex_uvs = uv.map(|_| uvs);
     Ok(())
+}
+
+/// Brings colours to `[0, 1]`, by the types of their channels and the largest value of each.
+fn to_unit(colors: &mut [[f32; 3]], scalars: [Scalar; 3], largest: [f32; 3]) {
+    let white = scalars.map(|scalar| {
+        let alike = largest.iter().zip(scalars).filter(|(_, other)| *other == scalar);
+        scalar.white(alike.fold(0.0, |most, (&c, _)| most.max(c)))
+    });
+    for color in colors {
+        *color = std::array::from_fn(|k| (f64::from(color[k]) / white[k]).clamp(0.0, 1.0) as f32);
+    }
 }
