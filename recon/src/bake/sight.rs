@@ -117,7 +117,8 @@ impl Sight {
             perspective: target.perspective,
             cull_back_faces,
             ..Settings::new(target.height, target.width)
-        };
+        }
+        .near_within(self.projected.iter().map(|q| q[2]));
         let ndc = ArrayView3::from_shape((1, positions.len(), 3), &self.ndc)
             .expect("three numbers per vertex");
         rasterize_into(ndc, faces, &settings, &self.scratch, &mut self.fragments);

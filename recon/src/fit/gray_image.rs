@@ -155,7 +155,8 @@ impl GrayImage {
             perspective: self.perspective,
             cull_back_faces: true,
             ..Settings::new(h, w)
-        };
+        }
+        .near_within(drawn.ndc.iter().skip(2).step_by(3).copied());
         let ndc = ArrayView3::from_shape((1, positions.len(), 3), &drawn.ndc)
             .expect("three numbers per vertex");
         rasterize_into(ndc, faces, &settings, &drawn.scratch, &mut drawn.fragments);

@@ -154,9 +154,67 @@ pub(super) fn carve(
 
 /// Whether a cell of half side `half_cell` reaches into the mask.
 fn sees_inside(target: &Target, point: [f32; 3], half_cell: f32) -> bool {
-    let [column, row, depth] = target.project(point);
-    depth > 0.0
-        && column.is_finite()
-        && row.is_finite()
+    let seen @ [column, row, depth] = target.project(point);
+    target.is_before(seen)
         && target.distance(column, row) < half_cell * target.pixels_per_unit(depth)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use datasets::Views;
+    use mesh_core::{Camera, Lens, TriMesh, primitives};
+    use synth::{Orbit, RenderOptions, render_views};
+    use train::progress::Watch;
+
+    use crate::evaluate::score_views;
+    use crate::fit::{FitConfig, fit};
+
+    fn ellipsoid() -> TriMesh {
+        primitives::icosphere(3).scaled([0.6, 0.4, 0.5]).colored([0.8, 0.1, 0.1])
+    }
+
+    fn cameras() -> Vec<Camera> {
+        Orbit { count: 12, width: 48, height: 48, ..Orbit::default() }.cameras()
+    }
+
+    /// Mask IoU and PSNR of a short fit, on the views that it was made of.
+    fn fitted(object: &TriMesh, cameras: &[Camera]) -> (f64, f64) {
+        let views = render_views(object, cameras, &RenderOptions::default(), &|_, _| {}).unwrap();
+        let views = Views::in_memory(views);
+        let config = FitConfig { start_level: 2, level: 3, steps: 40, ..FitConfig::default() };
+        let fitted = fit(&views, &config, &mut Watch::default()).unwrap();
+        let all: Vec<_> = views.views.iter().collect();
+        let scores = score_views(&fitted.mesh, &all, &|_, _| {}).unwrap();
+        (scores.mask_iou, scores.psnr.unwrap())
+    }
+
+    /// Rays that are parallel have no beginning: where the cameras' planes are does not matter.
+    #[test]
+    fn parallel_cameras_may_stand_in_the_object() {
+        let lens = Lens::Orthographic { sx: 30.0, sy: 30.0, cx: 24.0, cy: 24.0 };
+        let found = [0.0, 1.0].map(|away| {
+            let moved = |camera: &Camera| {
+                let translation = away * camera.translation;
+                Camera { lens, translation, ..camera.clone() }
+            };
+            let cameras: Vec<Camera> = cameras().iter().map(moved).collect();
+            fitted(&ellipsoid(), &cameras)
+        });
+        assert!(found.iter().all(|(iou, psnr)| *iou > 0.93 && *psnr > 25.0), "{found:?}");
+    }
+
+    /// The unit of the world does not matter.
+    #[test]
+    fn a_tiny_world_is_fitted_and_colored() {
+        let found = [1.0, 1e-5].map(|unit| {
+            let moved = |camera: &Camera| {
+                let translation = unit * camera.translation;
+                Camera { translation, ..camera.clone() }
+            };
+            let cameras: Vec<Camera> = cameras().iter().map(moved).collect();
+            fitted(&ellipsoid().scaled([unit as f32; 3]), &cameras)
+        });
+        assert!(found.iter().all(|(iou, psnr)| *iou > 0.93 && *psnr > 25.0), "{found:?}");
+    }
 }

@@ -120,7 +120,7 @@ pub struct ObjectInspection {
     pub coverage: [f64; 2],
     /// Horizontal angles of view, degrees; none for parallel rays.
     pub fov: Option<[f64; 2]>,
-    /// Distances from the cameras to the middle of the object, in the unit of the files.
+    /// Distances from the cameras to the middle of the object, in the unit of the files; none for parallel rays.
     pub distance: Option<[f64; 2]>,
     /// Elevations of the cameras above the middle of the object (+Y up), degrees.
     pub elevation: Option<[f64; 2]>,
@@ -258,8 +258,9 @@ pub fn inspect_views_with(views: &Views, truth: &Truth, reading: &ReadOptions) -
     let fovs: Option<Vec<f64>> =
         list.iter().map(|view| view.camera.fov().map(|fov| fov[0].to_degrees())).collect();
     let middle = sphere.map(|sphere| Vector3::from(sphere.center));
-    let from_middle = |f: &dyn Fn(Vector3<f64>) -> f64| {
-        middle.and_then(|m| range(list.iter().map(|view| f(view.camera.center() - m))))
+    let from_middle = |f: &dyn Fn(&Camera, Vector3<f64>) -> f64| {
+        let of = |view: &View, m| f(&view.camera, towards(&view.camera, m));
+        middle.and_then(|m| range(list.iter().map(|view| of(view, m))))
     };
     let depths = list.iter().filter_map(|view| {
         let depth = view.depth.as_ref()?;
@@ -276,8 +277,10 @@ pub fn inspect_views_with(views: &Views, truth: &Truth, reading: &ReadOptions) -
         )
         .unwrap_or_default(),
         fov: fovs.and_then(|fovs| range(fovs.into_iter())),
-        distance: from_middle(&|to| to.norm()),
-        elevation: from_middle(&|to| to.y.atan2(to.x.hypot(to.z)).to_degrees()),
+        distance: from_middle(&|camera, to| {
+            if camera.is_perspective() { to.norm() } else { f64::NAN }
+        }),
+        elevation: from_middle(&|_, to| to.y.atan2(to.x.hypot(to.z)).to_degrees()),
         depth: depths.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]),
         hull_box: hull.as_ref().map(|hull| {
             let high = hull.dims.map(|n| n as f32);
@@ -294,11 +297,17 @@ pub fn inspect_views_with(views: &Views, truth: &Truth, reading: &ReadOptions) -
     }
 }
 
+/// From a point to where a camera looks from: parallel rays come from the same side of everything, wherever the camera's plane is.
+fn towards(camera: &Camera, point: Vector3<f64>) -> Vector3<f64> {
+    if camera.is_perspective() { camera.center() - point } else { -camera.forward() }
+}
+
 fn truth_words(truth: &Truth) -> Vec<String> {
     let mut words = Vec::new();
     if let Some(mesh) = &truth.mesh {
         words.push(format!("a mesh of {} faces", mesh.faces.len()));
     }
+
     if let Some(points) = &truth.points {
         words.push(format!("{} points with normals", points.positions.len()));
     }
