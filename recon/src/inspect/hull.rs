@@ -5,6 +5,7 @@ use mesh_core::{MedianOfEven, Ray, VoxelGrid, median};
 use rayon::prelude::*;
 
 use super::mask_view::MaskView;
+use super::partners::partners;
 
 /// Steps along a ray through the sphere that holds the object.
 const STEPS: usize = 160;
@@ -118,7 +119,7 @@ pub(crate) fn agreement(views: &[MaskView], sphere: Sphere, samples: usize) -> V
         .collect()
 }
 
-/// All views but one, those first that look from elsewhere: they refuse soonest.
+/// The [partners] of a view, those first that look from elsewhere: they refuse soonest.
 struct Others<'a> {
     order: Vec<&'a MaskView>,
 }
@@ -126,11 +127,10 @@ struct Others<'a> {
 impl<'a> Others<'a> {
     fn of(views: &'a [MaskView], k: usize) -> Self {
         let forward = views[k].camera.forward();
-        let mut order: Vec<(f64, &MaskView)> = views
-            .iter()
-            .enumerate()
-            .filter(|&(i, view)| i != k && view.bounds().is_some())
-            .map(|(_, view)| (forward.dot(&view.camera.forward()).abs(), view))
+        let mut order: Vec<(f64, &MaskView)> = partners(k, views.len())
+            .map(|i| &views[i])
+            .filter(|view| view.bounds().is_some())
+            .map(|view| (forward.dot(&view.camera.forward()).abs(), view))
             .collect();
         order.sort_by(|a, b| a.0.total_cmp(&b.0));
         Self { order: order.into_iter().map(|(_, view)| view).collect() }
