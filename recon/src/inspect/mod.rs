@@ -46,6 +46,7 @@ mod partners;
 mod poses_read;
 mod reading;
 mod silhouette;
+mod window;
 
 pub use coherence::Coherence;
 pub(crate) use consistency::Consistency;
@@ -53,6 +54,7 @@ pub use diagnosis::{Agreement, Problem};
 pub use error::InspectError;
 pub use lens::LensFit;
 pub use page::write_report;
+pub(crate) use window::Window;
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
