@@ -368,4 +368,25 @@ mod tests {
         let of = |views: &[(&View, &Camera)]| fitness_of(views).unwrap().coherence;
         assert_eq!(of(&all), of(&some));
     }
+
+    /// Two views hold each other to account.
+    #[test]
+    fn of_two_views_one_that_cannot_be_right_is_noticed() {
+        let orbit = Orbit { count: 12, width: 96, height: 96, ..Orbit::default() };
+        let clock = AlarmClock::default().build();
+        let cameras = &orbit.cameras()[..2];
+        let views = render_views(&clock, cameras, &RenderOptions::default(), &|_, _| {}).unwrap();
+        let kinds = |views: &[View]| -> Vec<&'static str> {
+            let found = inspect_views(&Views::in_memory(views.to_vec()), &Truth::default());
+            found.problems.iter().map(|problem| problem.kind).collect()
+        };
+        assert_eq!(kinds(&views), ["one_sided"]);
+        let mut moved = views;
+        moved[1].camera.translation.y += 1.5;
+        assert!(
+            kinds(&moved).iter().any(|kind| *kind != "one_sided"),
+            "{:?}",
+            inspect_views(&Views::in_memory(moved.to_vec()), &Truth::default()).agreement
+        );
+    }
 }
