@@ -237,6 +237,7 @@ impl<'a, 'o> Run<'a, 'o> {
         let given = Given::of(&seen, &mut train, config);
         let (start, remark) = Start::of(&seen, &mut train, &placement, config);
         warnings.extend(remark);
+        warnings.extend(placement.remark());
         for target in train.iter_mut().chain(&mut held_out) {
             target.place(placement.center, placement.radius);
         }

@@ -22,6 +22,25 @@ pub struct Placement {
     pub half_extent: f64,
 }
 
+/// Of the radius, what 32 bits may round a position by.
+const ROUNDED: f64 = 1e-3;
+
+impl Placement {
+    /// What is to be said of the place, if something is: meshes have positions of 32 bits.
+    pub(super) fn remark(&self) -> Option<String> {
+        let away = self.center.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+        let share = away * f64::from(f32::EPSILON) / self.radius;
+        (share > ROUNDED).then(|| {
+            format!(
+                "the object is {:.0} times its radius away from the origin: the mesh's positions, which have 32 bits, are \
+                 rounded to {:.1} % of that; move the cameras' origin to the object",
+                away / self.radius,
+                100.0 * share
+            )
+        })
+    }
+}
+
 /// Places the sphere: carves a coarse visual hull and takes its centre and volume.
 ///
 /// The first cube is around the point nearest to the axes through the mask's boxes, as large as
@@ -167,6 +186,7 @@ mod tests {
     use synth::{Orbit, RenderOptions, render_views};
     use train::progress::Watch;
 
+    use super::Placement;
     use crate::evaluate::score_views;
     use crate::fit::{FitConfig, fit};
 
@@ -202,6 +222,14 @@ mod tests {
             fitted(&ellipsoid(), &cameras)
         });
         assert!(found.iter().all(|(iou, psnr)| *iou > 0.93 && *psnr > 25.0), "{found:?}");
+    }
+
+    #[test]
+    fn places_that_32_bits_round_are_told_of() {
+        let placed = |x: f64| Placement { center: [x, 0.0, 1.0], radius: 0.5, half_extent: 0.6 };
+        assert_eq!(placed(-100.0).remark(), None);
+        let said = placed(-5e5).remark().unwrap();
+        assert!(said.contains("1000000 times its radius") && said.contains("11.9 %"), "{said}");
     }
 
     /// The unit of the world does not matter.
