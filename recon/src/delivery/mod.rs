@@ -141,6 +141,7 @@ fn score(delivery: &Delivery<'_>) -> Result<(Metrics, Vec<ViewPair>), DeliverErr
         interrupted: fitted.ended.is_cancelled(),
         up: delivery.up.name(),
         verdict: delivery.assessment.verdict.clone(),
+        warnings: delivery.views.warnings.iter().chain(&fitted.warnings).cloned().collect(),
         evidence: delivery.assessment.evidence.clone(),
         cameras: Refinement::of(fitted, &delivery.views.views)?,
         exposure: fitted.exposure_range(),
