@@ -152,7 +152,7 @@ mod tests {
         let mut parts = primitives::cuboid([2.0, 0.5, 1.0]);
         parts.append(&primitives::icosphere(3)).unwrap();
         let solid = solidify(&parts).unwrap();
-        for unit in [16.0_f32.powi(-5), 16.0_f32.powi(5)] {
+        for unit in [1.0 / 16_777_216.0, 16_777_216.0] {
             let other = solidify(&parts.clone().scaled([unit; 3])).unwrap();
             assert!(
                 other.faces == solid.faces
