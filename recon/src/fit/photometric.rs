@@ -100,7 +100,7 @@ impl Photographs<'_> {
                 }
                 let shown = sight.color(i * target.width + j, faces, &colors).unwrap_or([0.0; 3]);
                 let pixel = view.color.pixel(target.top + i, target.left + j);
-                let of = |c: usize| f32::from(pixel[c.min(view.color.channels - 1)]) / 255.0;
+                let of = |c: usize| f32::from(pixel[c]) / 255.0;
                 sum += (0..3).map(|c| f64::from(shown[c] - of(c)).powi(2)).sum::<f64>();
                 count += 1.0;
             }

@@ -46,7 +46,7 @@ fn of_view(color: &ByteImage, silhouette: &Silhouette) -> Option<f64> {
             let place: [f32; 2] = std::array::from_fn(|k| place[k] * scale - 0.5 - begin[k]);
             bilinear::<3>([color.width, color.height], place, |i, j| {
                 let pixel = color.pixel(i, j);
-                std::array::from_fn(|c| f32::from(pixel[c.min(color.channels - 1)]))
+                std::array::from_fn(|c| f32::from(pixel[c]))
             })
         };
         for (k, sum) in profile.iter_mut().enumerate() {

@@ -117,8 +117,8 @@ pub(super) fn picture(
     let pair = Pair::of(Mask::at_least(&small.mask, 128), &seen[0]);
     let mut image = ByteImage::new(small.mask.height, small.mask.width, 3);
     for (k, pixel) in image.data.chunks_exact_mut(3).enumerate() {
-        let color = &small.color.data[k * small.color.channels..][..small.color.channels];
-        let gray = color.iter().map(|&c| usize::from(c)).sum::<usize>() / color.len();
+        let color = &small.color.data[3 * k..][..3];
+        let gray = color.iter().map(|&c| usize::from(c)).sum::<usize>() / 3;
         let gray = if pair.mask.data[k] { 80 + gray / 2 } else { gray / 4 };
         pixel.fill(gray as u8);
         let kinds =
@@ -130,7 +130,7 @@ pub(super) fn picture(
             }
         }
     }
-    Ok([image, small.color.to_rgb()])
+    Ok([image, small.color])
 }
 
 #[cfg(test)]
