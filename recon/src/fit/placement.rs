@@ -5,6 +5,7 @@ use mesh_core::Ray;
 use rayon::prelude::*;
 
 use super::{error::FitError, target::Target};
+use crate::inspect::{Cone, middle_between};
 
 /// Cells along each side of the grid that is carved.
 const GRID: usize = 48;
@@ -83,18 +84,28 @@ pub(super) fn place(views: &[&View], targets: &mut [Target]) -> Result<Placement
     Ok(placement)
 }
 
-/// The point nearest to all axes through the masks' boxes, and the largest radius of the cones.
+/// The point nearest to all axes through the masks' boxes, and the largest radius of the cones. Where views look along one line from
+/// both of its ends, the point at which these cones are equally wide.
 ///
 /// # Errors
-/// If the views look along one line, so that no point is nearest.
+/// If the views look along one line from one end, or without perspective, so that no point is nearest.
 pub fn bounding_sphere(views: &[&View]) -> Result<([f64; 3], f64), FitError> {
     let axes = views.iter().filter_map(|view| {
         let [top, left, rows, columns] = view.mask_bounds()?.map(|n| n as f64);
         Some(view.camera.ray(left + columns / 2.0, top + rows / 2.0))
     });
-    let center = Ray::nearest_point(axes).ok_or_else(|| FitError::Placement {
-        reason: "all look along one line, so the distance to the object is open".into(),
-    })?;
+    let cones: Option<Vec<Cone>> = views
+        .iter()
+        .filter_map(|view| Some((&view.camera, view.mask_bounds()?.map(|n| n as f64))))
+        .map(|(camera, [top, left, rows, columns])| {
+            Cone::of(camera, [left, top, left + columns, top + rows])
+        })
+        .collect();
+    let between = cones.and_then(|cones| middle_between(&cones));
+    let center =
+        between.or_else(|| Ray::nearest_point(axes)).ok_or_else(|| FitError::Placement {
+            reason: "all look along one line, so the distance to the object is open".into(),
+        })?;
     let mut radius = 0.0f64;
     let mut behind = 0;
     for view in views {
@@ -222,6 +233,24 @@ mod tests {
             fitted(&ellipsoid(), &cameras)
         });
         assert!(found.iter().all(|(iou, psnr)| *iou > 0.93 && *psnr > 25.0), "{found:?}");
+    }
+
+    /// What each misses the middle by is not taken for a distance.
+    #[test]
+    fn views_from_opposite_sides_place_what_is_between_them() {
+        let mut object = primitives::cuboid([0.5; 3]);
+        object.append(&primitives::cuboid([0.3, 0.2, 0.1]).translated([0.3, 0.2, 0.2])).unwrap();
+        let object = object.colored([0.5; 3]);
+        for aside in [0.0, 0.1, 0.3] {
+            let eyes = [[0.0, 0.0, 3.0], [aside, aside, -3.0]];
+            let camera = |eye| Camera::look_at(eye, [0.0; 3], [0.0, 1.0, 0.0], 0.7, 96, 96);
+            let options = RenderOptions::default();
+            let views = render_views(&object, &eyes.map(camera), &options, &|_, _| {}).unwrap();
+            let (center, radius) =
+                super::bounding_sphere(&views.iter().collect::<Vec<_>>()).unwrap();
+            let off = center.iter().map(|x| x * x).sum::<f64>().sqrt();
+            assert!(off < 0.35 && (0.3..0.8).contains(&radius), "{aside}: {center:?} {radius}");
+        }
     }
 
     #[test]

@@ -58,6 +58,9 @@ const READINGS: [(&str, Reading, &str); 6] = [
     ),
 ];
 
+/// The problem of cameras that all stand in one place.
+pub(super) const COINCIDENT: &str = "coincident_cameras";
+
 /// Something that looks wrong, in words.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Problem {
@@ -193,7 +196,7 @@ pub(crate) fn diagnose(
     if coincide(mask_views) {
         let message = "all cameras stand in one place: from there the masks show no shape; are the \
                        poses world-to-camera where camera-to-world is meant?";
-        problems.push(Problem::new("coincident_cameras", message));
+        problems.push(Problem::new(COINCIDENT, message));
     }
     let sphere = bounding_sphere(mask_views);
     if let Some(sphere) = sphere.filter(|_| !inverted) {

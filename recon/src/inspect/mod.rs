@@ -40,6 +40,7 @@ mod hull;
 mod lens;
 mod mask_edge;
 mod mask_view;
+mod opposite;
 mod outliers;
 mod page;
 mod partners;
@@ -53,6 +54,7 @@ pub(crate) use consistency::Consistency;
 pub use diagnosis::{Agreement, Problem};
 pub use error::InspectError;
 pub use lens::LensFit;
+pub(crate) use opposite::{Cone, middle_between};
 pub use page::write_report;
 pub(crate) use window::Window;
 
@@ -388,5 +390,27 @@ mod tests {
             "{:?}",
             inspect_views(&Views::in_memory(moved.to_vec()), &Truth::default()).agreement
         );
+    }
+
+    /// What stands four million away, as in coordinates of the earth, does not stand in one place.
+    #[test]
+    fn worlds_far_from_the_origin_are_judged_as_others() {
+        let orbit = Orbit { count: 12, width: 64, height: 64, ..Orbit::default() };
+        let clock = AlarmClock::default().build();
+        let mut views =
+            render_views(&clock, &orbit.cameras(), &RenderOptions::default(), &|_, _| {}).unwrap();
+        for Camera { rotation, translation, .. } in views.iter_mut().map(|view| &mut view.camera) {
+            *translation -= *rotation * Vector3::new(5e5, 0.0, -4e6);
+        }
+        let found = inspect_views(&Views::in_memory(views.clone()), &Truth::default());
+        assert_eq!(found.problems, []);
+        assert_eq!(error::at_one_point(&views, &found.problems), None);
+        // But those that do, but for what is rounded, do.
+        for (k, view) in views.iter_mut().enumerate() {
+            let place = Vector3::new(5e5 + 0.01 * (k % 3) as f64, 0.02 * (k % 2) as f64, -4e6);
+            view.camera.translation = -view.camera.rotation * place;
+        }
+        let found = inspect_views(&Views::in_memory(views.clone()), &Truth::default());
+        assert!(error::at_one_point(&views, &found.problems).is_some(), "{:?}", found.problems);
     }
 }
