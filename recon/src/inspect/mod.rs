@@ -392,7 +392,7 @@ mod tests {
         );
     }
 
-    /// What stands four million away, as in coordinates of the earth, does not stand in one place.
+    /// What stands forty million away, as in coordinates of the earth, does not stand in one place.
     #[test]
     fn worlds_far_from_the_origin_are_judged_as_others() {
         let orbit = Orbit { count: 12, width: 64, height: 64, ..Orbit::default() };
@@ -400,14 +400,14 @@ mod tests {
         let mut views =
             render_views(&clock, &orbit.cameras(), &RenderOptions::default(), &|_, _| {}).unwrap();
         for Camera { rotation, translation, .. } in views.iter_mut().map(|view| &mut view.camera) {
-            *translation -= *rotation * Vector3::new(5e5, 0.0, -4e6);
+            *translation -= *rotation * Vector3::new(5e5, 0.0, -4e7);
         }
         let found = inspect_views(&Views::in_memory(views.clone()), &Truth::default());
         assert_eq!(found.problems, []);
         assert_eq!(error::at_one_point(&views, &found.problems), None);
         // But those that do, but for what is rounded, do.
         for (k, view) in views.iter_mut().enumerate() {
-            let place = Vector3::new(5e5 + 0.01 * (k % 3) as f64, 0.02 * (k % 2) as f64, -4e6);
+            let place = Vector3::new(5e5 + 0.01 * (k % 3) as f64, 0.02 * (k % 2) as f64, -4e7);
             view.camera.translation = -view.camera.rotation * place;
         }
         let found = inspect_views(&Views::in_memory(views.clone()), &Truth::default());
