@@ -296,9 +296,13 @@ mod tests {
                 let camera = target.camera().clone();
                 target.set_camera(Camera { translation: by * camera.translation, ..camera });
             };
-            targets.iter_mut().for_each(|target| scaled(target, unit));
+            for target in &mut targets {
+                scaled(target, unit);
+            }
             let cameras = Cameras::of(&targets, [0.0; 3], unit);
-            targets.iter_mut().for_each(|target| scaled(target, 1.02));
+            for target in &mut targets {
+                scaled(target, 1.02);
+            }
             let (_, shift, scale) = cameras.gauge(&targets);
             (shift / unit, scale)
         };

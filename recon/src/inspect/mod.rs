@@ -385,11 +385,8 @@ mod tests {
         assert_eq!(kinds(&views), ["one_sided"]);
         let mut moved = views;
         moved[1].camera.translation.y += 1.5;
-        assert!(
-            kinds(&moved).iter().any(|kind| *kind != "one_sided"),
-            "{:?}",
-            inspect_views(&Views::in_memory(moved.to_vec()), &Truth::default()).agreement
-        );
+        let found = kinds(&moved);
+        assert!(found.iter().any(|kind| *kind != "one_sided"), "{found:?}");
     }
 
     /// What stands forty million away, as in coordinates of the earth, does not stand in one place.

@@ -15,7 +15,7 @@ pub(crate) struct Cone {
 impl Cone {
     /// Of the box of a mask: left, top, right, bottom. `None` where rays are parallel: they say nothing of distances.
     pub(crate) fn of(camera: &Camera, [left, top, right, bottom]: [f64; 4]) -> Option<Self> {
-        let axis = camera.ray((left + right) / 2.0, (top + bottom) / 2.0);
+        let axis = camera.ray(left.midpoint(right), top.midpoint(bottom));
         let rim = [[left, top], [left, bottom], [right, top], [right, bottom]];
         let rim = rim.map(|[column, row]| camera.ray(column, row));
         camera.is_perspective().then(|| Self::around(axis, rim))
