@@ -20,7 +20,7 @@ pub struct Settings {
     /// Columns of the image, `W`.
     pub width: usize,
     /// Faces with a corner at this planar depth or nearer are dropped, so that nothing behind the
-    /// camera is ever drawn mirrored.
+    /// camera is ever drawn mirrored. In the unit of the depths: [`near_within`](Self::near_within) suits any.
     pub near: f64,
     /// Whether faces that turn clockwise on the screen are invisible. The soft silhouette is made
     /// of all faces either way, as in DIB-R.
@@ -77,6 +77,29 @@ impl Settings {
             rule: Rule::Published,
             ..Self::new(height, width)
         }
+    }
+
+    /// The same with its near plane at a millionth of the farthest of these depths, so that no unit of the world is too small; nowhere
+    /// where rays are parallel, which also come from behind.
+    ///
+    /// ```
+    /// use diff_raster::Settings;
+    ///
+    /// let settings = Settings::new(8, 8).near_within([2e-5, 3e-5]);
+    /// assert!(settings.near > 0.0 && settings.near < 1e-10);
+    /// ```
+    #[must_use]
+    pub fn near_within(self, depths: impl IntoIterator<Item = f32>) -> Self {
+        const SHARE: f64 = 1e-6;
+        let near = if self.perspective {
+            SHARE
+                * f64::from(
+                    depths.into_iter().filter(|depth| depth.is_finite()).fold(0.0, f32::max),
+                )
+        } else {
+            f64::NEG_INFINITY
+        };
+        Self { near, ..self }
     }
 
     /// Numbers with which a silhouette is a probability.

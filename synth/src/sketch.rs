@@ -30,11 +30,12 @@ impl Sketch {
         times: usize,
     ) {
         let part = camera.cropped(left, top, columns, rows);
+        project(&part, positions, &mut self.projected);
         let settings = Settings {
             perspective: part.is_perspective(),
             ..Settings::new(part.height * times, part.width * times)
-        };
-        project(&part, positions, &mut self.projected);
+        }
+        .near_within(self.projected.iter().skip(2).step_by(3).copied());
         let projected = ArrayView3::from_shape((1, positions.len(), 3), &self.projected)
             .expect("three numbers per vertex");
         rasterize_into(projected, faces, &settings, &self.scratch, &mut self.fragments);

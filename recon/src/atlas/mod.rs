@@ -36,8 +36,8 @@ pub struct Texel {
 /// A layout of charts: pieces of the surface that are nearly flat, each drawn as it is seen from straight above.
 ///
 /// Around each there are four texels or more that repeat its border, and charts lie in boxes of multiples of eight texels.
-/// So neither bilinear filtering nor the first three mipmap levels mix what does not belong together; beyond them what lies
-/// between the charts has their colours.
+/// So neither bilinear filtering nor the first three mipmap levels mix what does not belong together, the latter where the side is a
+/// multiple of eight, as that of [`Atlas::new`] is; beyond them what lies between the charts has their colours.
 ///
 /// ```
 /// use mesh_core::{Image, primitives};

@@ -117,7 +117,8 @@ impl Sight {
             perspective: target.perspective,
             cull_back_faces,
             ..Settings::new(target.height, target.width)
-        };
+        }
+        .near_within(self.projected.iter().map(|q| q[2]));
         let ndc = ArrayView3::from_shape((1, positions.len(), 3), &self.ndc)
             .expect("three numbers per vertex");
         rasterize_into(ndc, faces, &settings, &self.scratch, &mut self.fragments);
@@ -166,9 +167,8 @@ impl Sight {
         faces: &[[u32; 3]],
         mut visit: impl FnMut(Sample),
     ) {
-        let channels = view.color.channels;
         for row in 0..target.height {
-            let source = ((target.top + row) * view.color.width + target.left) * channels;
+            let source = ((target.top + row) * view.color.width + target.left) * 3;
             for column in 0..target.width {
                 let pixel = row * target.width + column;
                 let face = self.fragments.face[pixel];
@@ -182,11 +182,11 @@ impl Sight {
                 // Pixels on the mask's edge are mixed with what is behind.
                 let border = (-distance - 0.4).clamp(0.01, 1.0);
                 let facing = self.facing(target, positions, faces[face as usize]);
-                let bytes = &view.color.data[source + column * channels..];
+                let bytes = &view.color.data[source + 3 * column..];
                 visit(Sample {
                     face,
                     barycentric: std::array::from_fn(|k| self.fragments.barycentric[3 * pixel + k]),
-                    color: std::array::from_fn(|k| f32::from(bytes[k.min(channels - 1)]) / 255.0),
+                    color: std::array::from_fn(|k| f32::from(bytes[k]) / 255.0),
                     weight: border * (0.02 + facing * facing),
                 });
             }

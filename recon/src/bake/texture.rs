@@ -149,7 +149,7 @@ fn seen(sight: &Sight, target: &Target, view: &View, q: [f32; 3]) -> Option<([f3
     }
     let bytes = bilinear([target.width, target.height], [column - 0.5, row - 0.5], |i, j| {
         let pixel = view.color.pixel(target.top + i, target.left + j);
-        std::array::from_fn(|c| f32::from(pixel[c.min(view.color.channels - 1)]))
+        std::array::from_fn(|c| f32::from(pixel[c]))
     });
     Some((bytes.map(|byte| byte / 255.0), inside.min(1.0)))
 }

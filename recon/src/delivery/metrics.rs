@@ -26,6 +26,8 @@ pub struct Metrics {
     pub up: &'static str,
     /// How far the mesh can be trusted, and why.
     pub verdict: Verdict,
+    /// What the reader of the views and the fit had to say besides.
+    pub warnings: Vec<String>,
     /// What the verdict is made of.
     pub evidence: Evidence,
     /// What the cameras were refined by; none where they are those of the input.

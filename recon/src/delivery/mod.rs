@@ -141,6 +141,7 @@ fn score(delivery: &Delivery<'_>) -> Result<(Metrics, Vec<ViewPair>), DeliverErr
         interrupted: fitted.ended.is_cancelled(),
         up: delivery.up.name(),
         verdict: delivery.assessment.verdict.clone(),
+        warnings: delivery.views.warnings.iter().chain(&fitted.warnings).cloned().collect(),
         evidence: delivery.assessment.evidence.clone(),
         cameras: Refinement::of(fitted, &delivery.views.views)?,
         exposure: fitted.exposure_range(),
@@ -154,4 +155,34 @@ fn score(delivery: &Delivery<'_>) -> Result<(Metrics, Vec<ViewPair>), DeliverErr
         truth,
     };
     Ok((metrics, pairs))
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use mesh_core::primitives;
+    use synth::{Orbit, RenderOptions, render_views};
+    use train::progress::Watch;
+
+    use super::*;
+    use crate::fit::fit;
+    use crate::verdict::assess;
+
+    #[test]
+    fn metrics_have_what_reader_and_fit_had_to_say() {
+        let ball = primitives::icosphere(2).colored([0.5; 3]);
+        let cameras = Orbit { count: 5, width: 32, height: 32, ..Orbit::default() }.cameras();
+        let views = render_views(&ball, &cameras, &RenderOptions::default(), &|_, _| {}).unwrap();
+        let views = Views { warnings: vec!["a remark".into()], ..Views::in_memory(views) };
+        let config = FitConfig { start_level: 1, level: 1, steps: 2, ..FitConfig::default() };
+        let mut fitted = fit(&views, &config, &mut Watch::default()).unwrap();
+        fitted.warnings = vec!["another".into()];
+        let assessment = assess(&views, &fitted).unwrap();
+        let (title, command, up) = ("a", "b", UpAxis::Y);
+        let (views, config, fitted, assessment) = (&views, &config, &fitted, &assessment);
+        let (truth, provenance) = (None, Vec::new());
+        let delivery =
+            Delivery { title, command, views, config, fitted, assessment, truth, up, provenance };
+        assert_eq!(score(&delivery).unwrap().0.warnings, ["a remark", "another"]);
+    }
 }

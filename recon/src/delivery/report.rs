@@ -12,6 +12,10 @@ use crate::evaluate::ViewScores;
 use crate::scene::scene_of;
 use crate::verdict::Assessment;
 
+/// What the steps' terms are.
+const LOSSES: &str =
+    "Distance of outlines to masks (silhouette, pixels, root mean square), and bending energy";
+
 pub(super) fn report(delivery: &Delivery<'_>, metrics: &Metrics, views: Vec<ViewPair>) -> Report {
     let fitted = delivery.fitted;
     let source = delivery.views.source.display();
@@ -88,7 +92,7 @@ fn charts(delivery: &Delivery<'_>) -> Vec<Chart> {
     let scores = fitted.evaluations.iter().map(|&(step, iou)| (step as f64, iou)).collect();
     let scores = vec![Series::new("mask IoU", scores)];
     vec![
-        Chart::new("Losses, each as weighted", "step", losses).logarithmic(),
+        Chart::new(LOSSES, "step", losses).logarithmic(),
         Chart::new("Mask IoU on the scored views", "step", scores),
     ]
 }

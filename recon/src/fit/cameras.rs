@@ -16,6 +16,7 @@ use super::camera_equations::{Equations, Motion};
 use super::planes::Planes;
 use super::shape::Shape;
 use super::target::Target;
+use super::unit::unit_near;
 
 /// Gauss-Newton steps of a round.
 const ITERATIONS: usize = 2;
@@ -132,6 +133,8 @@ impl Cameras {
     fn gauge(&self, targets: &[Target]) -> (Matrix3<f64>, Vector3<f64>, f64) {
         let mut turn = Vector3::zeros();
         let (mut normal, mut right) = (Matrix4::<f64>::zeros(), Vector4::<f64>::zeros());
+        // What holds the scale is a share of all, which must not depend on the unit of the world.
+        let unit = unit_near(self.radius);
         let perspective = targets.iter().all(|target| target.camera().is_perspective());
         for (target, given) in targets.iter().zip(&self.given) {
             let camera = target.camera();
@@ -139,8 +142,8 @@ impl Cameras {
             turn += Rotation3::from_matrix_unchecked(back * camera.rotation).scaled_axis();
             let now = camera.rotation * self.center + camera.translation;
             let before = given.rotation * self.center + given.translation;
-            let shift = back * (now - before);
-            let away = self.center - given.center();
+            let shift = back * (now - before) / unit;
+            let away = (self.center - given.center()) / unit;
             for k in 0..3 {
                 // shift = common + scale * away, one equation for each axis of the world.
                 let mut row = Vector4::zeros();
@@ -156,7 +159,7 @@ impl Cameras {
             normal[(k, k)] += damp;
         }
         let found = normal.cholesky().map_or_else(Vector4::zeros, |c| c.solve(&right));
-        let shift = Vector3::new(found[0], found[1], found[2]);
+        let shift = unit * Vector3::new(found[0], found[1], found[2]);
         (*Rotation3::new(turn).matrix(), shift, 1.0 / (1.0 + found[3]))
     }
 
@@ -283,6 +286,32 @@ mod tests {
         let given =
             spoilt(Planted::Focal(1.03)).0.positions.iter().map(|p| p[0]).fold(0.0, f32::max);
         assert!((size / given - 1.0).abs() < 0.03, "{size} {given}");
+    }
+
+    #[test]
+    fn what_cameras_have_in_common_does_not_depend_on_the_unit() {
+        let gauge = |unit: f64| {
+            let (_, mut targets) = spoilt(Planted::Focal(1.0));
+            let scaled = |target: &mut Target, by: f64| {
+                let camera = target.camera().clone();
+                target.set_camera(Camera { translation: by * camera.translation, ..camera });
+            };
+            for target in &mut targets {
+                scaled(target, unit);
+            }
+            let cameras = Cameras::of(&targets, [0.0; 3], unit);
+            for target in &mut targets {
+                scaled(target, 1.02);
+            }
+            let (_, shift, scale) = cameras.gauge(&targets);
+            (shift / unit, scale)
+        };
+        let (shift, scale) = gauge(1.0);
+        for unit in [1e-6, 1e6] {
+            let (other, also) = gauge(unit);
+            assert!((shift - other).norm() < 1e-6 && (scale - also).abs() < 1e-6, "{unit}: {also}");
+        }
+        assert!((scale - 1.0 / 1.02).abs() < 1e-6, "{scale}");
     }
 
     #[test]

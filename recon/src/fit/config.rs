@@ -66,11 +66,11 @@ train::options! {
         /// Whether thin parts and gaps get back the share of their width that the blur takes; where cameras are off, once they are refined.
         pub thin_parts: bool = true;
         /// A level ends early, after half of its steps, when the outline's distance to the masks falls by less than
-        /// this share over 20 steps.
+        /// this share over 20 steps; never with `views-per-step`, where each step has other views.
         pub tolerance: f64 = 0.01, in 0.0..1.0;
         /// Where colours are kept: `"vertex"`, or `"texture"`, which has them per vertex as well.
         pub color: ColorKind = ColorKind::Vertex;
-        /// Side of the texture in pixels; without, it is as fine as the images.
+        /// Side of the texture in pixels, best a multiple of 8; without, it is as fine as the images.
         #[serde(with = "train::settings::optional")]
         pub texture_size: Option<usize> = None, in 64..=8192;
         /// Side of the turntable and of the page's images of views, pixels.

@@ -64,11 +64,11 @@ impl GrayImage {
         let (mut counts, mut inside) =
             (vec![0u32; size[0] * size[1]], vec![0u32; size[0] * size[1]]);
         for row in top..bottom {
-            let source = ((target.top + row) * color.width + target.left) * color.channels;
+            let source = ((target.top + row) * color.width + target.left) * 3;
             for column in left..right {
                 let to = (row - top) / shrink * size[0] + (column - left) / shrink;
-                let bytes = &color.data[source + column * color.channels..];
-                let gray = |k: usize| f32::from(bytes[k.min(color.channels - 1)]) / 255.0;
+                let bytes = &color.data[source + 3 * column..];
+                let gray = |k: usize| f32::from(bytes[k]) / 255.0;
                 image.brightness[to] += 0.299 * gray(0) + 0.587 * gray(1) + 0.114 * gray(2);
                 counts[to] += 1;
                 inside[to] += u32::from(target.in_mask(row * target.width + column));
@@ -155,7 +155,8 @@ impl GrayImage {
             perspective: self.perspective,
             cull_back_faces: true,
             ..Settings::new(h, w)
-        };
+        }
+        .near_within(drawn.ndc.iter().skip(2).step_by(3).copied());
         let ndc = ArrayView3::from_shape((1, positions.len(), 3), &drawn.ndc)
             .expect("three numbers per vertex");
         rasterize_into(ndc, faces, &settings, &drawn.scratch, &mut drawn.fragments);

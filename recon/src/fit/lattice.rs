@@ -290,9 +290,9 @@ fn tolerated(targets: &[Target], half: f32) -> usize {
     let outside = |slot: usize| {
         let point = [slot % side, slot / side % side, slot / (side * side)].map(at);
         let sees = |target: &&Target| {
-            let [column, row, depth] = target.project(point);
+            let seen @ [column, row, depth] = target.project(point);
             let reach = half / side as f32 * target.pixels_per_unit(depth);
-            !(depth > 0.0 && target.distance(column, row) < reach)
+            !(target.is_before(seen) && target.distance(column, row) < reach)
         };
         targets.iter().filter(sees).count()
     };
@@ -312,9 +312,8 @@ impl HullDistance<'_> {
         largest.clear();
         largest.resize(self.tolerated + 2, f32::NEG_INFINITY);
         for target in self.targets {
-            let [column, row, depth] = target.project(point);
-            let seen = depth > 0.0 && column.is_finite() && row.is_finite();
-            let distance = if seen {
+            let seen @ [column, row, depth] = target.project(point);
+            let distance = if target.is_before(seen) {
                 target.distance(column, row) / (target.pixels_per_unit(depth) * self.step)
             } else {
                 f32::MAX

@@ -83,6 +83,7 @@ mod stepper;
 mod stereo;
 mod symmetry;
 pub(crate) mod target;
+mod unit;
 
 use std::time::Instant;
 
@@ -236,6 +237,7 @@ impl<'a, 'o> Run<'a, 'o> {
         let given = Given::of(&seen, &mut train, config);
         let (start, remark) = Start::of(&seen, &mut train, &placement, config);
         warnings.extend(remark);
+        warnings.extend(placement.remark());
         for target in train.iter_mut().chain(&mut held_out) {
             target.place(placement.center, placement.radius);
         }
@@ -379,6 +381,7 @@ impl<'a, 'o> Run<'a, 'o> {
         let held_out = Photographs { targets: &self.held_out, views: &unseen };
         let found = photometric::hollow(shape, fitted, held_out, config, step, &cancelled)?;
         self.fitted.photo_consistency = found;
+        self.ask_cancelled();
         self.evaluate(shape, step);
         self.lap("photometric");
         Ok(())

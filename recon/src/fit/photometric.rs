@@ -100,7 +100,7 @@ impl Photographs<'_> {
                 }
                 let shown = sight.color(i * target.width + j, faces, &colors).unwrap_or([0.0; 3]);
                 let pixel = view.color.pixel(target.top + i, target.left + j);
-                let of = |c: usize| f32::from(pixel[c.min(view.color.channels - 1)]) / 255.0;
+                let of = |c: usize| f32::from(pixel[c]) / 255.0;
                 sum += (0..3).map(|c| f64::from(shown[c] - of(c)).powi(2)).sum::<f64>();
                 count += 1.0;
             }
@@ -136,6 +136,10 @@ pub(super) fn hollow(
     let colors = |shape: &Shape| scored.color_error(shape, &fitted);
     let given = (shape.positions.clone(), agreement(shape), shape.mask_iou(targets), colors(shape));
     for round in 1..=ROUNDS {
+        if cancelled() {
+            shape.place(given.0);
+            return Ok(None);
+        }
         let maps = stereo::sweep(&coarse, &shape.positions, &shape.faces);
         if maps.iter().flatten().all(|depth| depth.is_nan()) {
             // Of a second round too: what the first did was not judged.
@@ -148,6 +152,9 @@ pub(super) fn hollow(
         follow(shape, &seen, stage, config, step, cancelled)?;
     }
     for _ in 0..ROUNDS {
+        if cancelled() {
+            break;
+        }
         let maps = stereo::around(&fine, &shape.positions, &shape.faces);
         let seen = Seen { targets, images: &fine, maps: &maps };
         follow(shape, &seen, FINE, config, step, cancelled)?;
@@ -273,11 +280,35 @@ impl Seen<'_> {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
+    use std::cell::Cell;
+
     use mesh_core::primitives::icosphere;
     use synth::{Orbit, RenderOptions, render_views};
 
     use super::*;
     use crate::fit::distance::Blur;
+
+    #[test]
+    fn who_cancels_does_not_wait_for_depths() {
+        let ball = icosphere(2).colored([0.5; 3]);
+        let orbit = Orbit { count: 6, width: 48, height: 48, ..Orbit::default() };
+        let views =
+            render_views(&ball, &orbit.cameras(), &RenderOptions::default(), &|_, _| {}).unwrap();
+        let measured = |view| Target::new(view, Blur::plain(1.0), 0.15, 0.3).unwrap();
+        let targets: Vec<Target> = views.iter().map(measured).collect();
+        let views: Vec<&View> = views.iter().collect();
+        let config = FitConfig::default();
+        let mut shape = Shape::of(ball.positions.clone(), ball.faces, &config);
+        let (fitted, asked) = (Photographs { targets: &targets, views: &views }, Cell::new(0));
+        let cancelled = || {
+            asked.set(asked.get() + 1);
+            true
+        };
+        let held_out = Photographs { targets: &[], views: &[] };
+        let found = hollow(&mut shape, fitted, held_out, &config, 0, &cancelled).unwrap();
+        assert!(found.is_none() && shape.positions == ball.positions);
+        assert_eq!(asked.get(), 1);
+    }
 
     /// By hand: a ball that is a tenth too large is pulled inwards everywhere, by a tenth of its radius, and one that is right stays.
     #[test]

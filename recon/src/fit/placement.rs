@@ -5,6 +5,7 @@ use mesh_core::Ray;
 use rayon::prelude::*;
 
 use super::{error::FitError, target::Target};
+use crate::inspect::{Cone, middle_between};
 
 /// Cells along each side of the grid that is carved.
 const GRID: usize = 48;
@@ -20,6 +21,25 @@ pub struct Placement {
     pub radius: f64,
     /// Largest distance along an axis from the centre to the hull's border.
     pub half_extent: f64,
+}
+
+/// Of the radius, what 32 bits may round a position by.
+const ROUNDED: f64 = 1e-3;
+
+impl Placement {
+    /// What is to be said of the place, if something is: meshes have positions of 32 bits.
+    pub(super) fn remark(&self) -> Option<String> {
+        let away = self.center.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+        let share = away * f64::from(f32::EPSILON) / self.radius;
+        (share > ROUNDED).then(|| {
+            format!(
+                "the object is {:.0} times its radius away from the origin: the mesh's positions, which have 32 bits, are \
+                 rounded to {:.1} % of that; move the cameras' origin to the object",
+                away / self.radius,
+                100.0 * share
+            )
+        })
+    }
 }
 
 /// Places the sphere: carves a coarse visual hull and takes its centre and volume.
@@ -64,18 +84,28 @@ pub(super) fn place(views: &[&View], targets: &mut [Target]) -> Result<Placement
     Ok(placement)
 }
 
-/// The point nearest to all axes through the masks' boxes, and the largest radius of the cones.
+/// The point nearest to all axes through the masks' boxes, and the largest radius of the cones. Where views look along one line from
+/// both of its ends, the point at which these cones are equally wide.
 ///
 /// # Errors
-/// If the views look along one line, so that no point is nearest.
+/// If the views look along one line from one end, or without perspective, so that no point is nearest.
 pub fn bounding_sphere(views: &[&View]) -> Result<([f64; 3], f64), FitError> {
     let axes = views.iter().filter_map(|view| {
         let [top, left, rows, columns] = view.mask_bounds()?.map(|n| n as f64);
         Some(view.camera.ray(left + columns / 2.0, top + rows / 2.0))
     });
-    let center = Ray::nearest_point(axes).ok_or_else(|| FitError::Placement {
-        reason: "all look along one line, so the distance to the object is open".into(),
-    })?;
+    let cones: Option<Vec<Cone>> = views
+        .iter()
+        .filter_map(|view| Some((&view.camera, view.mask_bounds()?.map(|n| n as f64))))
+        .map(|(camera, [top, left, rows, columns])| {
+            Cone::of(camera, [left, top, left + columns, top + rows])
+        })
+        .collect();
+    let between = cones.and_then(|cones| middle_between(&cones));
+    let center =
+        between.or_else(|| Ray::nearest_point(axes)).ok_or_else(|| FitError::Placement {
+            reason: "all look along one line, so the distance to the object is open".into(),
+        })?;
     let mut radius = 0.0f64;
     let mut behind = 0;
     for view in views {
@@ -154,9 +184,94 @@ pub(super) fn carve(
 
 /// Whether a cell of half side `half_cell` reaches into the mask.
 fn sees_inside(target: &Target, point: [f32; 3], half_cell: f32) -> bool {
-    let [column, row, depth] = target.project(point);
-    depth > 0.0
-        && column.is_finite()
-        && row.is_finite()
+    let seen @ [column, row, depth] = target.project(point);
+    target.is_before(seen)
         && target.distance(column, row) < half_cell * target.pixels_per_unit(depth)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use datasets::Views;
+    use mesh_core::{Camera, Lens, TriMesh, primitives};
+    use synth::{Orbit, RenderOptions, render_views};
+    use train::progress::Watch;
+
+    use super::Placement;
+    use crate::evaluate::score_views;
+    use crate::fit::{FitConfig, fit};
+
+    fn ellipsoid() -> TriMesh {
+        primitives::icosphere(3).scaled([0.6, 0.4, 0.5]).colored([0.8, 0.1, 0.1])
+    }
+
+    fn cameras() -> Vec<Camera> {
+        Orbit { count: 12, width: 48, height: 48, ..Orbit::default() }.cameras()
+    }
+
+    /// Mask IoU and PSNR of a short fit, on the views that it was made of.
+    fn fitted(object: &TriMesh, cameras: &[Camera]) -> (f64, f64) {
+        let views = render_views(object, cameras, &RenderOptions::default(), &|_, _| {}).unwrap();
+        let views = Views::in_memory(views);
+        let config = FitConfig { start_level: 2, level: 3, steps: 40, ..FitConfig::default() };
+        let fitted = fit(&views, &config, &mut Watch::default()).unwrap();
+        let all: Vec<_> = views.views.iter().collect();
+        let scores = score_views(&fitted.mesh, &all, &|_, _| {}).unwrap();
+        (scores.mask_iou, scores.psnr.unwrap())
+    }
+
+    /// Rays that are parallel have no beginning: where the cameras' planes are does not matter.
+    #[test]
+    fn parallel_cameras_may_stand_in_the_object() {
+        let lens = Lens::Orthographic { sx: 30.0, sy: 30.0, cx: 24.0, cy: 24.0 };
+        let found = [0.0, 1.0].map(|away| {
+            let moved = |camera: &Camera| {
+                let translation = away * camera.translation;
+                Camera { lens, translation, ..camera.clone() }
+            };
+            let cameras: Vec<Camera> = cameras().iter().map(moved).collect();
+            fitted(&ellipsoid(), &cameras)
+        });
+        assert!(found.iter().all(|(iou, psnr)| *iou > 0.93 && *psnr > 25.0), "{found:?}");
+    }
+
+    /// What each misses the middle by is not taken for a distance.
+    #[test]
+    fn views_from_opposite_sides_place_what_is_between_them() {
+        let mut object = primitives::cuboid([0.5; 3]);
+        object.append(&primitives::cuboid([0.3, 0.2, 0.1]).translated([0.3, 0.2, 0.2])).unwrap();
+        let object = object.colored([0.5; 3]);
+        for aside in [0.0, 0.1, 0.3] {
+            let eyes = [[0.0, 0.0, 3.0], [aside, aside, -3.0]];
+            let camera = |eye| Camera::look_at(eye, [0.0; 3], [0.0, 1.0, 0.0], 0.7, 96, 96);
+            let options = RenderOptions::default();
+            let views = render_views(&object, &eyes.map(camera), &options, &|_, _| {}).unwrap();
+            let (center, radius) =
+                super::bounding_sphere(&views.iter().collect::<Vec<_>>()).unwrap();
+            let off = center.iter().map(|x| x * x).sum::<f64>().sqrt();
+            assert!(off < 0.35 && (0.3..0.8).contains(&radius), "{aside}: {center:?} {radius}");
+        }
+    }
+
+    #[test]
+    fn places_that_32_bits_round_are_told_of() {
+        let placed = |x: f64| Placement { center: [x, 0.0, 1.0], radius: 0.5, half_extent: 0.6 };
+        assert_eq!(placed(-100.0).remark(), None);
+        let said = placed(-5e5).remark().unwrap();
+        assert!(said.contains("1000000 times its radius") && said.contains("11.9 %"), "{said}");
+    }
+
+    /// The unit of the world does not matter.
+    #[test]
+    fn a_tiny_world_is_fitted_and_colored() {
+        let found = [1.0, 1e-5].map(|unit| {
+            let moved = |camera: &Camera| {
+                let translation = unit * camera.translation;
+                Camera { translation, ..camera.clone() }
+            };
+            let cameras: Vec<Camera> = cameras().iter().map(moved).collect();
+            fitted(&ellipsoid().scaled([unit as f32; 3]), &cameras)
+        });
+        assert!(found.iter().all(|(iou, psnr)| *iou > 0.93 && *psnr > 25.0), "{found:?}");
+    }
 }

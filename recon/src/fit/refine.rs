@@ -48,7 +48,7 @@ train::options! {
 }
 
 /// Moves a closed mesh until its outlines agree with the masks of views, and gives it their colours where they show it; elsewhere
-/// those of the closest point of the mesh that was given. One view will do. A texture is not kept.
+/// those of the closest point of the mesh that was given, of its texture if it has one. One view will do.
 ///
 /// First mesh and masks are joined as solids: what a view shows to be empty is taken away, and where a pixel of a mask shows none of
 /// what is left, the point of the visual hull on its ray that is nearest to the mesh is added, and what of the hull lies between. The
@@ -131,7 +131,8 @@ pub fn refine(mesh: &TriMesh, views: &[View], config: &RefineConfig) -> Result<T
     let Shape { mut positions, faces, topology, .. } = moved(&start, cell, &targets, config)?;
     // What cannot be mended stays: whoever asks for the mesh's health hears of it.
     let _ = untangle(&mut positions, &faces, &topology);
-    let before = closest_colors(&guess, &positions);
+    let textured = TriMesh { texture: mesh.texture.clone(), ..guess };
+    let before = closest_colors(&textured, &positions);
     let colored = |views: &[&View], targets: &[Target], before: Option<&[[f32; 3]]>| {
         let photographed = Photographed::new(views, targets, &positions, &faces);
         color::vertex_colors(&photographed, &topology, &Exposure::even(views.len()), before)
@@ -209,7 +210,7 @@ fn frame(mesh: &TriMesh) -> Result<([f64; 3], f64), FitError> {
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
     use mesh_core::nalgebra::Vector3;
-    use mesh_core::primitives;
+    use mesh_core::{Image, Texture, primitives};
     use synth::{Orbit, RenderOptions, render_views};
 
     use super::*;
@@ -281,6 +282,24 @@ mod tests {
         assert!(before < 0.5 && after > 0.97, "{before} to {after}");
         let ratio = along(&refined) / along(&guess);
         assert!((0.9..1.1).contains(&ratio), "{ratio} times as deep");
+    }
+
+    /// Colours of what no view shows are those of a textured guess, too: red before, green behind.
+    #[test]
+    fn a_texture_gives_its_colors() {
+        let object = primitives::icosphere(3).scaled([0.5; 3]);
+        let ahead = seen(&object.clone().colored([0.5; 3]), 1, 0.0)[0].camera.forward();
+        let away = |p: [f32; 3]| ahead.dot(&Vector3::from(p.map(f64::from)));
+        let behind = |face: &[u32; 3]| u32::from(away(object.positions[face[0] as usize]) > 0.1);
+        let faces = object.faces.iter().map(|face| [behind(face); 3]).collect();
+        let data = vec![0.9, 0.1, 0.1, 0.1, 0.8, 0.1];
+        let image = Image { height: 1, width: 2, channels: 3, data };
+        let texture = Texture { image, uvs: vec![[0.25, 0.5], [0.75, 0.5]], faces };
+        let guess = TriMesh { texture: Some(texture), ..object.clone() };
+        let refined = refine(&guess, &seen(&guess, 1, 0.0), &RefineConfig::default()).unwrap();
+        let colors = refined.colors.unwrap();
+        let green = |(p, c): (&[f32; 3], &[f32; 3])| away(*p) < 0.25 || c[1] > 0.7 && c[0] < 0.2;
+        assert!(refined.positions.iter().zip(&colors).all(green));
     }
 
     /// A body with wings, of which the guess has none; all views are from one side, so that the body hides most of the other wing.

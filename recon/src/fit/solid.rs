@@ -285,8 +285,8 @@ impl Parts {
         const SEVERAL: u32 = u32::MAX;
         let mut shown = vec![0; target.width * target.height];
         for &slot in surface {
-            let [column, row, depth] = target.project(lattice.place(slot));
-            if !(depth > 0.0 && column.is_finite() && row.is_finite()) {
+            let seen @ [column, row, depth] = target.project(lattice.place(slot));
+            if !target.is_before(seen) {
                 continue;
             }
             // As wide as the points are apart, and a pixel at least.

@@ -1,5 +1,7 @@
 //! The solid that a mesh encloses, where the mesh runs through itself.
 
+use std::borrow::Cow;
+
 use mesh_core::bounds::longest_side;
 use mesh_core::{Topology, TriMesh};
 
@@ -10,6 +12,7 @@ use super::lattice::Lattice;
 use super::prior::distances;
 use super::skin::skin;
 use super::solid::Solid;
+use super::unit::unit_near;
 use crate::bake::closest_colors::closest_colors;
 
 /// Points of the lattice along its longest side.
@@ -50,6 +53,14 @@ pub fn solidify(mesh: &TriMesh) -> Result<TriMesh, FitError> {
     if !Topology::of(mesh).is_closed() {
         return Err(refused("the mesh is not closed, so that it has no inside"));
     }
+    let unit =
+        mesh.bounds().map_or(1.0, |bounds| unit_near(f64::from(longest_side(bounds))) as f32);
+    // Bounds on edges and bends are for objects about as large as 1.
+    let mesh = &if (unit - 1.0).abs() > 0.0 {
+        Cow::Owned(mesh.clone().scaled([1.0 / unit; 3]))
+    } else {
+        Cow::Borrowed(mesh)
+    };
     let mut lattice = around(mesh).ok_or_else(|| refused("the mesh has no size"))?;
     lattice.distance = distances(mesh, &lattice);
     lattice.agreed.clone_from(&lattice.distance);
@@ -61,7 +72,8 @@ pub fn solidify(mesh: &TriMesh) -> Result<TriMesh, FitError> {
     let Graded { mesh: coarse, sound } = graded(&fine, &topology, faces, f64::from(lattice.step));
     let positions = sound.unwrap_or(coarse.positions);
     let colors = closest_colors(mesh, &positions);
-    Ok(TriMesh { positions, faces: coarse.faces, colors, texture: None })
+    let solid = TriMesh { positions, faces: coarse.faces, colors, texture: None };
+    Ok(solid.scaled([unit; 3]))
 }
 
 /// A lattice around a mesh, with nothing measured yet.
@@ -133,6 +145,20 @@ mod tests {
         let found = solidify(&sheet).unwrap().examined();
         assert!(found.is_solid() && found.health.components == 1, "{found}");
         assert!(found.health.area > 0.9 * 2.0 * 4.0, "{}", found.health.area);
+    }
+
+    #[test]
+    fn the_unit_of_the_world_does_not_matter() {
+        let mut parts = primitives::cuboid([2.0, 0.5, 1.0]);
+        parts.append(&primitives::icosphere(3)).unwrap();
+        let solid = solidify(&parts).unwrap();
+        for unit in [1.0 / 16_777_216.0, 16_777_216.0] {
+            let other = solidify(&parts.clone().scaled([unit; 3])).unwrap();
+            assert!(
+                other.faces == solid.faces
+                    && other.positions == solid.clone().scaled([unit; 3]).positions
+            );
+        }
     }
 
     #[test]

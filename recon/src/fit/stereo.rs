@@ -176,8 +176,8 @@ fn shift(image: &GrayImage, neighbors: &[&GrayImage], near: f32, far: f32) -> f3
 /// The depths of the planes: a point moves by [`STEP`] from one to the next where it moves most.
 fn planes(image: &GrayImage, neighbors: &[&GrayImage], range: &[[f32; 2]]) -> Vec<f32> {
     let known = range.iter().filter(|r| r[0] < r[1]);
-    let [near, far] =
-        known.fold([f32::INFINITY, 0.0f32], |[near, far], r| [near.min(r[0]), far.max(r[1])]);
+    let [near, far] = known
+        .fold([f32::INFINITY, f32::NEG_INFINITY], |[near, far], r| [near.min(r[0]), far.max(r[1])]);
     if near >= far {
         return Vec::new();
     }

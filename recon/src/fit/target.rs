@@ -122,11 +122,11 @@ impl Target {
         self.eye
     }
 
-    /// Whether every corner is in front of the camera.
+    /// Whether every corner is in front of the camera, or its rays are parallel.
     pub(super) fn has_before_it(&self, surface: Surface<'_>) -> bool {
         let before = |&p: &[f32; 3]| {
-            let [x, y, depth] = self.project(p);
-            depth > 0.0 && x.is_finite() && y.is_finite()
+            let seen = self.project(p);
+            self.is_before(seen)
         };
         // Nearly always their box is.
         surface.planes.least(&self.rows[2]) > 0.0 || surface.positions.iter().all(before)
@@ -137,6 +137,12 @@ impl Target {
     pub(crate) fn project(&self, p: [f32; 3]) -> [f32; 3] {
         let [x, y, depth] = affine(&self.rows, p);
         if self.perspective { [x / depth, y / depth, depth] } else { [x, y, depth] }
+    }
+
+    /// Whether what is projected there can be seen. Parallel rays have no beginning, so that a camera may stand in the object.
+    #[inline]
+    pub(super) fn is_before(&self, [column, row, depth]: [f32; 3]) -> bool {
+        (depth > 0.0 || !self.perspective) && column.is_finite() && row.is_finite()
     }
 
     /// Rows x, y, depth over the fitted frame of a part of the box, whose pixels are `shrink` times as long.

@@ -12,6 +12,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::hull::Sphere;
+use super::partners::partners;
 use super::silhouette::Silhouette;
 
 /// Places on each outline that are looked at.
@@ -48,7 +49,7 @@ pub(super) struct Outlines<'a> {
 }
 
 impl Outlines<'_> {
-    /// Each view against all others; none where its mask is empty.
+    /// Each view against its [partners]; none where its mask is empty.
     pub(super) fn coherence(&self) -> Vec<Option<Coherence>> {
         (0..self.views.len()).into_par_iter().map(|k| self.of(k)).collect()
     }
@@ -121,12 +122,11 @@ impl Outlines<'_> {
         })
     }
 
-    /// All views but one with a mask, those first that look from elsewhere: they refuse soonest.
+    /// The [partners] of a view that have a mask, those first that look from elsewhere: they refuse soonest.
     fn others(&self, k: usize) -> Vec<usize> {
         let forward = self.views[k].camera.forward();
-        let seen = |i: &usize| *i != k && self.views[*i].area > 0;
-        let mut order: Vec<(f64, usize)> = (0..self.views.len())
-            .filter(seen)
+        let mut order: Vec<(f64, usize)> = partners(k, self.views.len())
+            .filter(|&i| self.views[i].area > 0)
             .map(|i| (forward.dot(&self.views[i].camera.forward()).abs(), i))
             .collect();
         order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));

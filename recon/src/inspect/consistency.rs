@@ -38,9 +38,7 @@ impl Consistency {
     /// The mean gap in pixels of an image of at most 320 under these cameras, one for each of the views.
     pub(crate) fn gap(&self, cameras: &[Camera]) -> f64 {
         let with = |(silhouette, &i): (&Silhouette, &usize)| {
-            let Camera { width, height, .. } = silhouette.camera;
-            let whole = silhouette.crop.map(|crop| crop.whole_camera(&cameras[i]));
-            silhouette.with(whole.as_ref().unwrap_or(&cameras[i]).resized(width, height))
+            silhouette.with(silhouette.window.camera(&cameras[i]))
         };
         let views: Vec<Silhouette> = self.silhouettes.iter().zip(&self.chosen).map(with).collect();
         Outlines { views: &views, sphere: self.sphere }.mean_gap(PLACES, f64::INFINITY)

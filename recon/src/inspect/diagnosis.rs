@@ -58,6 +58,9 @@ const READINGS: [(&str, Reading, &str); 6] = [
     ),
 ];
 
+/// The problem of cameras that all stand in one place.
+pub(super) const COINCIDENT: &str = "coincident_cameras";
+
 /// Something that looks wrong, in words.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Problem {
@@ -193,7 +196,7 @@ pub(crate) fn diagnose(
     if coincide(mask_views) {
         let message = "all cameras stand in one place: from there the masks show no shape; are the \
                        poses world-to-camera where camera-to-world is meant?";
-        problems.push(Problem::new("coincident_cameras", message));
+        problems.push(Problem::new(COINCIDENT, message));
     }
     let sphere = bounding_sphere(mask_views);
     if let Some(sphere) = sphere.filter(|_| !inverted) {
@@ -206,7 +209,7 @@ pub(crate) fn diagnose(
         found.points_box_iou = mean(landed.iter().map(|l| l.box_iou));
     }
     // One view without the truth agrees with itself whatever its camera is.
-    if inverted || (points.is_none() && mask_views.len() < 3) {
+    if inverted || (points.is_none() && mask_views.len() < 2) {
         return (found, problems, sphere);
     }
     let suspect = points.is_none() && found.hull_iou.is_none_or(|iou| iou < SUSPECT);
@@ -301,7 +304,9 @@ fn cameras(
     let given = judge.score(Reading::AsGiven);
     let others = READINGS.map(|(name, reading, _)| (name, judge.score(reading)));
     found.readings = std::iter::once(("as_given", given)).chain(others).collect();
-    if judge.mask_views.iter().all(|mask_view| mask_view.camera.is_perspective()) {
+    let perspective = judge.mask_views.iter().all(|mask_view| mask_view.camera.is_perspective());
+    // Of two views a wider lens explains whatever their poses lack.
+    if perspective && (judge.points.is_some() || judge.mask_views.len() > 2) {
         found.focal = (-FACTORS..=FACTORS)
             .map(|k| LEAST_FACTOR.powf(-f64::from(k) / f64::from(FACTORS)))
             .map(|factor| [factor, judge.score(Reading::Focal(factor))])

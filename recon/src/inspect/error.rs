@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use datasets::{ReadViewsError, View};
 use mesh_core::nalgebra::Vector3;
 
-use super::diagnosis::Problem;
+use super::diagnosis::{COINCIDENT, Problem};
 
 /// Cameras that stand closer together than this share of their distance from the origin stand at one point: what is
 /// left are roundings of inverted matrices.
@@ -36,7 +36,8 @@ pub(super) fn at_one_point(views: &[View], problems: &[Problem]) -> Option<Strin
     let centers: Vec<_> = seen.map(|view| view.camera.center()).collect();
     let first = centers.first().filter(|_| centers.len() == views.len() && views.len() > 1)?;
     let reach = centers.iter().map(Vector3::norm).fold(0.0, f64::max);
-    if centers.iter().any(|center| (center - first).norm() > TOGETHER * reach) {
+    let coincident = problems.iter().any(|problem| problem.kind == COINCIDENT);
+    if !coincident || centers.iter().any(|center| (center - first).norm() > TOGETHER * reach) {
         return None;
     }
     let hint = problems

@@ -71,8 +71,11 @@ pub(super) fn look(
     if problems.iter().any(is_camera) {
         return;
     }
-    found.lens = best_lens(&outlines);
-    let odd = odd_views(&outlines, &found.coherence_by_view);
+    // Two views can neither be told from each other nor from another lens.
+    let enough = views.len() > 2;
+    found.lens = enough.then(|| best_lens(&outlines)).flatten();
+    let by_view = found.coherence_by_view.as_slice();
+    let odd = if enough { odd_views(&outlines, by_view) } else { Vec::new() };
     if !odd.is_empty() && APART * odd.len() <= views.len() {
         let names: Vec<&str> = odd.iter().map(|&k| views[k].name.as_str()).collect();
         let message = format!(
@@ -87,11 +90,12 @@ pub(super) fn look(
         let message = format!(
             "outlines miss one another by {:.1} pixels in the mean: poses are a little off, or masks show \
              what is not the object (fit refines cameras where that helps)",
-            c.gap * silhouettes.first().map_or(1.0, |s| s.scale)
+            c.gap * usual_scale(&silhouettes)
         );
         problems.push(Problem::new("loose_cameras", message));
     }
-    problems.extend(found.mask_edge.and_then(|offset| edge_problem(offset, &silhouettes)));
+    let edge = |offset| edge_problem(offset, usual_scale(&silhouettes));
+    problems.extend(found.mask_edge.and_then(edge));
 }
 
 /// The views that cannot be right if the others are.
@@ -148,8 +152,13 @@ fn lens_problem(lens: &LensFit) -> Problem {
     Problem::new("focal_length", message)
 }
 
-fn edge_problem(offset: f64, silhouettes: &[Silhouette]) -> Option<Problem> {
-    let pixels = offset * silhouettes.first()?.scale;
+/// Pixels of an image to one of its silhouette, in the median.
+fn usual_scale(silhouettes: &[Silhouette]) -> f64 {
+    median(&silhouettes.iter().map(|silhouette| silhouette.scale).collect::<Vec<_>>())
+}
+
+fn edge_problem(offset: f64, scale: f64) -> Option<Problem> {
+    let pixels = offset * scale;
     // Pixels of the small images, of which each is one of the view's or several.
     if offset.abs() < EDGE {
         return None;

@@ -5,9 +5,13 @@ use mesh_core::{MedianOfEven, Ray, VoxelGrid, median};
 use rayon::prelude::*;
 
 use super::mask_view::MaskView;
+use super::opposite::{Cone, middle_between};
+use super::partners::partners;
 
 /// Steps along a ray through the sphere that holds the object.
 const STEPS: usize = 160;
+/// Pixels of each mask by which it is told whether cameras are apart.
+const SAMPLES: usize = 140;
 /// Axes of which each two are asked for their point.
 const CONSENSUS: usize = 24;
 
@@ -18,27 +22,49 @@ pub(crate) struct Sphere {
     pub(crate) radius: f64,
 }
 
+/// Cameras are as good as in one place where they are nearer than this share of their distance from the origin, and certainly where
+/// they are nearer than the second.
+const TOGETHER: [f64; 2] = [1e-6, 1e-12];
+/// Masks that agree so well were not seen from one place.
+const AGREES: f64 = 0.85;
+
 /// Whether several cameras with perspective all stand in one place: no two of their rays then meet
-/// anywhere but there, so the masks fix no body.
+/// anywhere but there, so the masks fix no body. Far from the origin those may be near each other that still see one.
 pub(crate) fn coincide(views: &[MaskView]) -> bool {
     let [first, others @ ..] = views else { return false };
     let place = first.camera.center();
-    let near = |view: &MaskView| {
-        view.camera.is_perspective()
-            && (view.camera.center() - place).norm() <= 1e-6 * place.norm().max(f64::EPSILON)
+    let within = |share: f64| {
+        let near = |view: &MaskView| {
+            (view.camera.center() - place).norm() <= share * place.norm().max(f64::EPSILON)
+        };
+        others.iter().all(near)
     };
-    !others.is_empty() && first.camera.is_perspective() && others.iter().all(near)
+    let seen = || {
+        let shares = agreement(views, sphere_around(views)?, SAMPLES);
+        let shares: Vec<f64> = shares.into_iter().flatten().collect();
+        Some(shares.iter().sum::<f64>() / shares.len().max(1) as f64)
+    };
+    !others.is_empty()
+        && views.iter().all(|view| view.camera.is_perspective())
+        && within(TOGETHER[0])
+        && (within(TOGETHER[1]) || seen().is_none_or(|share| share < AGREES))
 }
 
-/// The sphere around the point where the masks' axes meet, as wide as the widest of their cones.
+/// The sphere around the point where the masks' axes meet, or where cones from opposite sides are equally wide, as wide as the
+/// widest of them.
 ///
 /// `None` where the axes do not fix a point, all cameras stand there, or most look away from it.
 pub(crate) fn bounding_sphere(views: &[MaskView]) -> Option<Sphere> {
-    if coincide(views) {
-        return None;
-    }
+    if coincide(views) { None } else { sphere_around(views) }
+}
+
+fn sphere_around(views: &[MaskView]) -> Option<Sphere> {
     let boxed = MaskBoxes::of(views);
-    let center = Ray::nearest_point(boxed.axes.iter().copied())?;
+    let cones: Option<Vec<Cone>> =
+        boxed.boxes.iter().map(|(view, bounds)| Cone::of(&view.camera, *bounds)).collect();
+    let center = cones
+        .and_then(|cones| middle_between(&cones))
+        .or_else(|| Ray::nearest_point(boxed.axes.iter().copied()))?;
     // A single camera that looks elsewhere must not blow the sphere up.
     boxed.around(center, 0.9)
 }
@@ -118,7 +144,7 @@ pub(crate) fn agreement(views: &[MaskView], sphere: Sphere, samples: usize) -> V
         .collect()
 }
 
-/// All views but one, those first that look from elsewhere: they refuse soonest.
+/// The [partners] of a view, those first that look from elsewhere: they refuse soonest.
 struct Others<'a> {
     order: Vec<&'a MaskView>,
 }
@@ -126,11 +152,10 @@ struct Others<'a> {
 impl<'a> Others<'a> {
     fn of(views: &'a [MaskView], k: usize) -> Self {
         let forward = views[k].camera.forward();
-        let mut order: Vec<(f64, &MaskView)> = views
-            .iter()
-            .enumerate()
-            .filter(|&(i, view)| i != k && view.bounds().is_some())
-            .map(|(_, view)| (forward.dot(&view.camera.forward()).abs(), view))
+        let mut order: Vec<(f64, &MaskView)> = partners(k, views.len())
+            .map(|i| &views[i])
+            .filter(|view| view.bounds().is_some())
+            .map(|view| (forward.dot(&view.camera.forward()).abs(), view))
             .collect();
         order.sort_by(|a, b| a.0.total_cmp(&b.0));
         Self { order: order.into_iter().map(|(_, view)| view).collect() }

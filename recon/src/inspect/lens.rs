@@ -22,7 +22,7 @@ const ROOM: f64 = 1.3;
 pub struct LensFit {
     /// The focal length, times the one given.
     pub focal: f64,
-    /// What the principal point is to be moved by, pixels of the views: right, down.
+    /// What the principal point is to be moved by, pixels of the first view and in others in proportion to their size: right, down.
     pub shift: [f64; 2],
     /// The mean gap with the lens that is given; see [`Coherence::gap`](super::Coherence::gap).
     pub given: f64,
@@ -40,7 +40,7 @@ pub(super) fn best_lens(outlines: &Outlines<'_>) -> Option<LensFit> {
     let sphere = Sphere { radius: ROOM * outlines.sphere.radius, ..outlines.sphere };
     let gap = |at: [f64; 3], most: f64| {
         let moved: Vec<Silhouette> =
-            views.iter().map(|view| view.with(with_lens(&view.camera, at))).collect();
+            views.iter().map(|view| view.with(with_lens(view, at))).collect();
         Outlines { views: &moved, sphere }.mean_gap(PLACES, most)
     };
     let mut best = [0.0; 3];
@@ -69,12 +69,16 @@ pub(super) fn best_lens(outlines: &Outlines<'_>) -> Option<LensFit> {
         }
         steps = steps.map(|step| 0.5 * step);
     }
-    let scale = views.first()?.scale;
+    let first = views.first()?;
+    let scale = first.scale * first.window.enlarged();
     let shift = [best[1] * scale, best[2] * scale];
     Some(LensFit { focal: best[0].exp(), shift, given, gap: least })
 }
 
-fn with_lens(camera: &Camera, [focal, right, down]: [f64; 3]) -> Camera {
+/// The same aside of all images, in proportion to their sizes.
+fn with_lens(view: &Silhouette, [focal, right, down]: [f64; 3]) -> Camera {
+    let camera = &view.camera;
+    let [right, down] = [right, down].map(|pixels| pixels * view.window.enlarged());
     let [fx, fy, cx, cy] = camera.lens.numbers();
     let factor = focal.exp();
     let lens = camera.lens.with([fx * factor, fy * factor, cx + right, cy + down]);

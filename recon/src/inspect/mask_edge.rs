@@ -30,8 +30,8 @@ pub(super) fn offset(colors: &[&ByteImage], silhouettes: &[Silhouette]) -> Optio
 fn of_view(color: &ByteImage, silhouette: &Silhouette) -> Option<f64> {
     let steps = 2 * (REACH * PER_PIXEL as f32) as usize + 1;
     let mut profile = vec![0.0f32; steps];
-    // Where the colours begin in the image.
-    let begin = silhouette.crop.map_or([0.0; 2], |crop| [crop.left as f32, crop.top as f32]);
+    // Where the colours begin in what is judged.
+    let begin = silhouette.window.begin_of_view().map(|v| v as f32);
     for place in silhouette.outline(PLACES) {
         let [x, y] = place.map(|v| v as f32);
         let at = |dx: f32, dy: f32| silhouette.between([x + dx, y + dy]);
@@ -46,7 +46,7 @@ fn of_view(color: &ByteImage, silhouette: &Silhouette) -> Option<f64> {
             let place: [f32; 2] = std::array::from_fn(|k| place[k] * scale - 0.5 - begin[k]);
             bilinear::<3>([color.width, color.height], place, |i, j| {
                 let pixel = color.pixel(i, j);
-                std::array::from_fn(|c| f32::from(pixel[c.min(color.channels - 1)]))
+                std::array::from_fn(|c| f32::from(pixel[c]))
             })
         };
         for (k, sum) in profile.iter_mut().enumerate() {

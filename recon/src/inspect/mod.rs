@@ -40,18 +40,23 @@ mod hull;
 mod lens;
 mod mask_edge;
 mod mask_view;
+mod opposite;
 mod outliers;
 mod page;
+mod partners;
 mod poses_read;
 mod reading;
 mod silhouette;
+mod window;
 
 pub use coherence::Coherence;
 pub(crate) use consistency::Consistency;
 pub use diagnosis::{Agreement, Problem};
 pub use error::InspectError;
 pub use lens::LensFit;
+pub(crate) use opposite::{Cone, middle_between};
 pub use page::write_report;
+pub(crate) use window::Window;
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -120,7 +125,7 @@ pub struct ObjectInspection {
     pub coverage: [f64; 2],
     /// Horizontal angles of view, degrees; none for parallel rays.
     pub fov: Option<[f64; 2]>,
-    /// Distances from the cameras to the middle of the object, in the unit of the files.
+    /// Distances from the cameras to the middle of the object, in the unit of the files; none for parallel rays.
     pub distance: Option<[f64; 2]>,
     /// Elevations of the cameras above the middle of the object (+Y up), degrees.
     pub elevation: Option<[f64; 2]>,
@@ -156,7 +161,7 @@ pub struct ObjectInspection {
 ///
 /// # Cost
 /// About a second for an object of a hundred views, most of it for the suppositions that are
-/// tried; the images of one object are in memory at a time.
+/// tried, and in proportion for more: each view is held against 96 others at most. The images of one object are in memory at a time.
 pub fn inspect(
     dataset: &dyn Dataset,
     most_objects: usize,
@@ -199,8 +204,10 @@ pub fn inspect(
     })
 }
 
-/// How the masks of views fit together under these cameras, and to the views' colours; none where they fix no body.
+/// How the masks of views, or of 96 of them, evenly spread, fit together under these cameras, and to the views' colours; none
+/// where they fix no body.
 pub(crate) fn fitness_of(views: &[(&View, &Camera)]) -> Option<Fitness> {
+    let views = &partners::spread(views, partners::MOST)[..];
     let mask_views: Vec<MaskView> =
         views.par_iter().map(|&(view, camera)| MaskView::seen_by(view, camera)).collect();
     finer::fitness(views, hull::bounding_sphere(&mask_views)?)
@@ -258,8 +265,9 @@ pub fn inspect_views_with(views: &Views, truth: &Truth, reading: &ReadOptions) -
     let fovs: Option<Vec<f64>> =
         list.iter().map(|view| view.camera.fov().map(|fov| fov[0].to_degrees())).collect();
     let middle = sphere.map(|sphere| Vector3::from(sphere.center));
-    let from_middle = |f: &dyn Fn(Vector3<f64>) -> f64| {
-        middle.and_then(|m| range(list.iter().map(|view| f(view.camera.center() - m))))
+    let from_middle = |f: &dyn Fn(&Camera, Vector3<f64>) -> f64| {
+        let of = |view: &View, m| f(&view.camera, towards(&view.camera, m));
+        middle.and_then(|m| range(list.iter().map(|view| of(view, m))))
     };
     let depths = list.iter().filter_map(|view| {
         let depth = view.depth.as_ref()?;
@@ -276,8 +284,10 @@ pub fn inspect_views_with(views: &Views, truth: &Truth, reading: &ReadOptions) -
         )
         .unwrap_or_default(),
         fov: fovs.and_then(|fovs| range(fovs.into_iter())),
-        distance: from_middle(&|to| to.norm()),
-        elevation: from_middle(&|to| to.y.atan2(to.x.hypot(to.z)).to_degrees()),
+        distance: from_middle(&|camera, to| {
+            if camera.is_perspective() { to.norm() } else { f64::NAN }
+        }),
+        elevation: from_middle(&|_, to| to.y.atan2(to.x.hypot(to.z)).to_degrees()),
         depth: depths.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]),
         hull_box: hull.as_ref().map(|hull| {
             let high = hull.dims.map(|n| n as f32);
@@ -292,6 +302,11 @@ pub fn inspect_views_with(views: &Views, truth: &Truth, reading: &ReadOptions) -
         cameras: camera_plan::cameras_svg(&cameras, sphere, hull.as_ref()),
         ..ObjectInspection::default()
     }
+}
+
+/// From a point to where a camera looks from: parallel rays come from the same side of everything, wherever the camera's plane is.
+fn towards(camera: &Camera, point: Vector3<f64>) -> Vector3<f64> {
+    if camera.is_perspective() { camera.center() - point } else { -camera.forward() }
 }
 
 fn truth_words(truth: &Truth) -> Vec<String> {
@@ -333,4 +348,66 @@ fn colors(views: &[datasets::View]) -> [u8; 2] {
         }
     }
     [low, high]
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use synth::shapes::AlarmClock;
+    use synth::{Orbit, RenderOptions, render_views};
+
+    use super::*;
+
+    /// A verdict on hundreds of views takes no longer than one on 96.
+    #[test]
+    fn of_many_views_some_are_held_against_each_other() {
+        let orbit = Orbit { count: 110, width: 24, height: 24, ..Orbit::default() };
+        let clock = AlarmClock::default().build();
+        let views =
+            render_views(&clock, &orbit.cameras(), &RenderOptions::default(), &|_, _| {}).unwrap();
+        let all: Vec<(&View, &Camera)> = views.iter().map(|view| (view, &view.camera)).collect();
+        let some = partners::spread(&all, 96);
+        let of = |views: &[(&View, &Camera)]| fitness_of(views).unwrap().coherence;
+        assert_eq!(of(&all), of(&some));
+    }
+
+    /// Two views hold each other to account.
+    #[test]
+    fn of_two_views_one_that_cannot_be_right_is_noticed() {
+        let orbit = Orbit { count: 12, width: 96, height: 96, ..Orbit::default() };
+        let clock = AlarmClock::default().build();
+        let cameras = &orbit.cameras()[..2];
+        let views = render_views(&clock, cameras, &RenderOptions::default(), &|_, _| {}).unwrap();
+        let kinds = |views: &[View]| -> Vec<&'static str> {
+            let found = inspect_views(&Views::in_memory(views.to_vec()), &Truth::default());
+            found.problems.iter().map(|problem| problem.kind).collect()
+        };
+        assert_eq!(kinds(&views), ["one_sided"]);
+        let mut moved = views;
+        moved[1].camera.translation.y += 1.5;
+        let found = kinds(&moved);
+        assert!(found.iter().any(|kind| *kind != "one_sided"), "{found:?}");
+    }
+
+    /// What stands forty million away, as in coordinates of the earth, does not stand in one place.
+    #[test]
+    fn worlds_far_from_the_origin_are_judged_as_others() {
+        let orbit = Orbit { count: 12, width: 64, height: 64, ..Orbit::default() };
+        let clock = AlarmClock::default().build();
+        let mut views =
+            render_views(&clock, &orbit.cameras(), &RenderOptions::default(), &|_, _| {}).unwrap();
+        for Camera { rotation, translation, .. } in views.iter_mut().map(|view| &mut view.camera) {
+            *translation -= *rotation * Vector3::new(5e5, 0.0, -4e7);
+        }
+        let found = inspect_views(&Views::in_memory(views.clone()), &Truth::default());
+        assert_eq!(found.problems, []);
+        assert_eq!(error::at_one_point(&views, &found.problems), None);
+        // But those that do, but for what is rounded, do.
+        for (k, view) in views.iter_mut().enumerate() {
+            let place = Vector3::new(5e5 + 0.01 * (k % 3) as f64, 0.02 * (k % 2) as f64, -4e7);
+            view.camera.translation = -view.camera.rotation * place;
+        }
+        let found = inspect_views(&Views::in_memory(views.clone()), &Truth::default());
+        assert!(error::at_one_point(&views, &found.problems).is_some(), "{:?}", found.problems);
+    }
 }

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use mesh_core::bounds::longest_side;
 use mesh_core::encode_png;
 use train::output::{OutputError, OutputFolder};
 use train::report::{Chart, Series, Table, counted, escape, page, png_uri, write_table};
@@ -126,12 +127,18 @@ impl ObjectInspection {
         let sizes = |[low, high]: [usize; 2]| {
             if low == high { low.to_string() } else { format!("{low} to {high}") }
         };
-        let fine = |[low, high]: [f64; 2]| format!("{low:.4} to {high:.4}");
-        let spread = |[low, high]: [f64; 2]| {
-            let narrow = high - low < 1e-3 * high.abs().max(1e-9);
-            if narrow { format!("{low:.4}") } else { fine([low, high]) }
+        let fine = |[low, high]: [f64; 2]| {
+            let digits = 4 + more_digits(high.abs());
+            format!("{low:.digits$} to {high:.digits$}")
         };
-        let corner = |p: [f32; 3]| format!("({:.3}, {:.3}, {:.3})", p[0], p[1], p[2]);
+        let spread = |[low, high]: [f64; 2]| {
+            let narrow = high - low <= 1e-3 * high.abs();
+            let digits = 4 + more_digits(high.abs());
+            if narrow { format!("{low:.digits$}") } else { fine([low, high]) }
+        };
+        let longest = self.hull_box.map_or(1.0, |[low, high]| f64::from(longest_side((low, high))));
+        let digits = 3 + more_digits(longest);
+        let corner = |[x, y, z]: [f32; 3]| format!("({x:.digits$}, {y:.digits$}, {z:.digits$})");
         let [low, high] = self.coverage.map(|share| 100.0 * share);
         let found = &self.agreement;
         let rows = [
@@ -141,7 +148,7 @@ impl ObjectInspection {
             ("colours on it", Some(format!("{} to {}", self.colors[0], self.colors[1]))),
             ("horizontal angle of view", self.fov.map(|fov| format!("{} degrees", spread(fov)))),
             ("distance", self.distance.map(spread)),
-            ("elevation", self.elevation.map(|[a, b]| format!("{a:.1} to {b:.1} degrees"))),
+            ("elevation (+Y up)", self.elevation.map(|[a, b]| format!("{a:.1} to {b:.1} degrees"))),
             ("depth on it", self.depth.map(|depth| fine(depth.map(f64::from)))),
             ("hull's box", self.hull_box.map(|[a, b]| format!("{} to {}", corner(a), corner(b)))),
             ("true shape", (!self.truth.is_empty()).then(|| self.truth.join(", "))),
@@ -153,5 +160,36 @@ impl ObjectInspection {
             ("their boxes and the masks', IoU", found.points_box_iou.map(|v| format!("{v:.4}"))),
         ];
         rows.into_iter().filter_map(|(name, value)| Some((name, value?))).collect()
+    }
+}
+
+/// Digits behind the point that a length below a hundredth has beside those of others.
+fn more_digits(length: f64) -> usize {
+    if length > 0.0 { (-2.0 - length.log10().floor()).clamp(0.0, 40.0) as usize } else { 0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn small_worlds_have_more_digits() {
+        let rows = |unit: f64| {
+            let object = ObjectInspection {
+                distance: Some([2.5 * unit, 3.5 * unit]),
+                hull_box: Some([[0.0; 3], [0.5 * unit as f32; 3]]),
+                ..ObjectInspection::default()
+            };
+            let rows = object.rows();
+            let value = |name| rows.iter().find(|row| row.0 == name).map(|row| row.1.clone());
+            [value("distance"), value("hull's box")].map(Option::unwrap_or_default)
+        };
+        assert_eq!(
+            rows(1.0),
+            ["2.5000 to 3.5000", "(0.000, 0.000, 0.000) to (0.500, 0.500, 0.500)"]
+        );
+        let [distance, hull] = rows(1e-5);
+        assert_eq!(distance, "0.0000250 to 0.0000350");
+        assert!(hull.ends_with("(0.0000050, 0.0000050, 0.0000050)"), "{hull}");
     }
 }

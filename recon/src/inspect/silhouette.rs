@@ -2,13 +2,13 @@
 
 use std::sync::Arc;
 
-use datasets::{Crop, View};
+use datasets::View;
 use mesh_core::vector::affine;
 use mesh_core::{Camera, bilinear};
 use rayon::prelude::*;
 
-/// Longer sides are averaged down to this.
-const LONGEST: usize = 320;
+use super::window::Window;
+
 /// Blur of the distance, pixels: what makes the edge known between pixels.
 const BLUR: f32 = 0.7;
 /// Steps of the stored distance in a pixel: one byte each, up to 15.9 pixels.
@@ -30,8 +30,8 @@ pub(super) struct Silhouette {
     pub(super) area: usize,
     /// Pixels of the view's image to one of these.
     pub(super) scale: f64,
-    /// Which part of that image the view is.
-    pub(super) crop: Option<Crop>,
+    /// Which part of that image this is.
+    pub(super) window: Window,
 }
 
 impl Silhouette {
@@ -46,9 +46,8 @@ impl Silhouette {
 
     /// The same where the view's camera is another.
     pub(super) fn seen_by(view: &View, camera: &Camera) -> Self {
-        let [height, width] = view.whole_size();
-        let side = height.max(width);
-        let (mask, camera) = view.mask_within(LONGEST, camera);
+        let window = Window::of(view);
+        let (mask, camera) = (window.mask(view), window.camera(camera));
         let distance: Arc<[i8]> = mask
             .signed_distance(BLUR)
             .data
@@ -61,8 +60,8 @@ impl Silhouette {
             distance,
             open: mask.touches_border(),
             area: mask.count(),
-            scale: side as f64 / side.min(LONGEST) as f64,
-            crop: view.crop,
+            scale: window.scale(),
+            window,
             camera,
         }
     }

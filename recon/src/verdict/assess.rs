@@ -59,8 +59,7 @@ pub fn assess(views: &Views, fitted: &Fitted) -> Result<Assessment, FacesError> 
         .map(|found| {
             let view = &views.views[found.index];
             let camera = cameras(fitted, &views.views, found.index);
-            let difference = disagreement::picture(&fitted.mesh, view, camera)?;
-            let (height, width) = (difference.height, difference.width);
+            let [difference, photograph] = disagreement::picture(&fitted.mesh, view, camera)?;
             Ok(WorstView {
                 caption: format!(
                     "view {}: IoU {:.3}, {:.1} % missing (orange), {:.1} % too much (blue)",
@@ -70,7 +69,7 @@ pub fn assess(views: &Views, fitted: &Fitted) -> Result<Assessment, FacesError> 
                     100.0 * found.excess
                 ),
                 difference,
-                photograph: view.color.to_rgb().resized(height, width),
+                photograph,
             })
         })
         .collect::<Result<_, FacesError>>()?;

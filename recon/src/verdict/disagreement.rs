@@ -7,12 +7,13 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use synth::silhouettes;
 
-/// Longer sides are averaged down to this.
-pub(super) const LONGEST: usize = 320;
+use crate::inspect::Window;
+
 /// A hole in a mask has at least so large a share of the mask, and so many pixels.
 const HOLE: (f64, usize) = (0.002, 8);
 
-/// How a mesh differs from the mask of one view. Shares are of the mask's area, beyond a pixel of an image of at most 320.
+/// How a mesh differs from the mask of one view. Shares are of the mask's area, beyond a pixel of an image of at most 320, or of the part
+/// of it around an object that would be smaller than 80 pixels there.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Disagreement {
     /// The view's index.
@@ -91,7 +92,10 @@ pub(super) fn of_views(
     mesh: &TriMesh,
     views: &[(usize, &View, &Camera)],
 ) -> Result<Vec<Disagreement>, FacesError> {
-    let small = |&(_, view, camera): &(usize, &View, &Camera)| view.mask_within(LONGEST, camera);
+    let small = |&(_, view, camera): &(usize, &View, &Camera)| {
+        let window = Window::of(view);
+        (window.mask(view), window.camera(camera))
+    };
     let (masks, cameras): (Vec<Mask>, Vec<Camera>) = views.par_iter().map(small).unzip();
     let seen = silhouettes(mesh, &cameras)?;
     let pairs = masks.into_par_iter().zip(&seen).map(|(mask, seen)| Pair::of(mask, seen));
@@ -101,21 +105,20 @@ pub(super) fn of_views(
 }
 
 /// The view in grey; what the mesh misses of its mask in orange, what it covers beside it in blue, beyond the tolerance in full
-/// colour and within it in half.
+/// colour and within it in half; and what was looked at as it is.
 pub(super) fn picture(
     mesh: &TriMesh,
     view: &View,
     camera: &Camera,
-) -> Result<ByteImage, FacesError> {
+) -> Result<[ByteImage; 2], FacesError> {
     const COLORS: [[u8; 3]; 2] = [[230, 110, 0], [0, 120, 220]];
-    let small = view.clone().at_most(LONGEST);
-    let camera = camera.resized(small.mask.width, small.mask.height);
-    let seen = silhouettes(mesh, std::slice::from_ref(&camera))?;
+    let small = Window::of(view).view(view, camera);
+    let seen = silhouettes(mesh, std::slice::from_ref(&small.camera))?;
     let pair = Pair::of(Mask::at_least(&small.mask, 128), &seen[0]);
     let mut image = ByteImage::new(small.mask.height, small.mask.width, 3);
     for (k, pixel) in image.data.chunks_exact_mut(3).enumerate() {
-        let color = &small.color.data[k * small.color.channels..][..small.color.channels];
-        let gray = color.iter().map(|&c| usize::from(c)).sum::<usize>() / color.len();
+        let color = &small.color.data[3 * k..][..3];
+        let gray = color.iter().map(|&c| usize::from(c)).sum::<usize>() / 3;
         let gray = if pair.mask.data[k] { 80 + gray / 2 } else { gray / 4 };
         pixel.fill(gray as u8);
         let kinds =
@@ -127,5 +130,35 @@ pub(super) fn picture(
             }
         }
     }
-    Ok(image)
+    Ok([image, small.color])
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use mesh_core::primitives;
+    use synth::{Orbit, RenderOptions, render_views};
+
+    use super::*;
+
+    /// An object of some 50 pixels in an image of 1280 is not judged as one of 12.
+    #[test]
+    fn small_objects_in_large_images_keep_their_pixels() {
+        let object = primitives::icosphere(3).scaled([0.12; 3]).colored([0.8; 3]);
+        let orbit = Orbit { count: 1, width: 1280, height: 1280, ..Orbit::default() };
+        let cameras = orbit.cameras();
+        let views = render_views(&object, &cameras, &RenderOptions::default(), &|_, _| {}).unwrap();
+        let [_, _, rows, _] = views[0].mask_bounds().unwrap();
+        assert!((30..80).contains(&rows), "{rows}");
+        let seen = [(0, &views[0], &cameras[0])];
+        let found = of_views(&object.clone().scaled([1.2; 3]), &seen).unwrap();
+        assert!(found[0].excess > 0.1 && found[0].missing == 0.0, "{found:?}");
+        let found = of_views(&object, &seen).unwrap();
+        assert!(found[0].mask_iou > 0.99 && found[0].excess == 0.0, "{found:?}");
+        let [difference, photograph] = picture(&object, &views[0], &cameras[0]).unwrap();
+        assert_eq!([difference.height, photograph.height], [320; 2]);
+        let lit = photograph.data.chunks_exact(3).filter(|pixel| pixel[0] > 0).count();
+        let whole = views[0].mask_pixels();
+        assert!((whole..whole * 11 / 10).contains(&lit), "{lit} of {whole}");
+    }
 }

@@ -5,9 +5,9 @@ use diff_raster::FacesError;
 use mesh_core::Camera;
 use serde::{Deserialize, Serialize};
 
-use super::disagreement::{self, Disagreement, LONGEST};
+use super::disagreement::{self, Disagreement};
 use crate::fit::Fitted;
-use crate::inspect::{Coherence, LensFit, fitness_of, unseen_of};
+use crate::inspect::{Coherence, LensFit, Window, fitness_of, unseen_of};
 
 /// What a verdict is made of: figures that depend on views and mesh alone, without any truth.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -69,8 +69,8 @@ impl Evidence {
         let refined = fitted.cameras.as_ref().map_or(1.0, |refined| refined.focal);
         let given = |lens: LensFit| LensFit { focal: refined * lens.focal, ..lens };
         let seen = fitted.train_views.iter().map(|&i| camera(i));
-        let longest = shown.iter().flat_map(|&i| views.views[i].whole_size()).max();
-        let brought = (LONGEST as f64 / longest.unwrap_or(0) as f64).min(1.0);
+        let scales = shown.iter().map(|&i| Window::of(&views.views[i]).scale());
+        let brought = 1.0 / scales.fold(1.0, f64::max);
         Ok(Self {
             mask_iou,
             fitted_iou,

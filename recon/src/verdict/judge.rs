@@ -35,7 +35,8 @@ const APART: f64 = 0.1;
 /// Below this mask IoU more than the shape may be wrong.
 const AGREES: f64 = 0.9;
 
-/// Weighs the evidence.
+/// Weighs the evidence, of all views: where only the worst are left, as [`assess`](super::assess) has them, shares of views are
+/// those of the worst.
 pub fn judge(evidence: &Evidence) -> Verdict {
     let mut reasons: Vec<(Grade, String)> = Vec::new();
     let mut say = |grade, text: String| reasons.push((grade, text));
