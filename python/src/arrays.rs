@@ -239,9 +239,12 @@ pub(crate) fn whole<'py, T: FromPyObjectOwned<'py>>(object: &Bound<'py, PyAny>) 
     object.extract::<T>().map_err(|error| {
         let error: PyErr = error.into();
         if error.is_instance_of::<PyOverflowError>(object.py()) {
-            return PyValueError::new_err(format!(
-                "a whole number from 0 on expected, found {object}"
-            ));
+            let text = if object.lt(0).unwrap_or(false) {
+                format!("a whole number from 0 on expected, found {object}")
+            } else {
+                format!("{object} is too large a number here")
+            };
+            return PyValueError::new_err(text);
         }
         error
     })

@@ -4,7 +4,7 @@ use autodiff_lite::Shapes;
 use losses::{DepthMean, Robustness, ScaleShiftInvariant};
 use pyo3::prelude::*;
 
-use crate::arrays::Floats;
+use crate::arrays::{Floats, whole};
 use crate::error;
 use crate::recorded::{Arguments, Recorded, fits, record};
 use crate::wanted::Wanted;
@@ -206,7 +206,7 @@ pub(crate) fn scale_shift_invariant(
     mask: Floats<'_>,
     robust: bool,
     gradient_weight: f64,
-    scales: usize,
+    #[pyo3(from_py_with = whole)] scales: usize,
     wrt: Option<Wanted>,
 ) -> PyResult<Recorded> {
     let op = "scale_shift_invariant";

@@ -1,11 +1,11 @@
 //! Ordinary differential equations whose field is a function of Python.
 
 use ndarray::ArrayD;
-use numpy::IntoPyArray;
+use numpy::{IntoPyArray, PyUntypedArray};
 use ode_deform::solve::{self, Problem, StepController, Tableau};
 use pyo3::prelude::*;
 
-use crate::arrays::{self, Floats};
+use crate::arrays::{self, Floats, whole};
 use crate::error;
 use crate::precision::Precision;
 
@@ -66,7 +66,7 @@ pub(crate) fn odeint(
     rtol: Option<f64>,
     atol: Option<f64>,
     save_at: Vec<f64>,
-    max_steps: usize,
+    #[pyo3(from_py_with = whole)] max_steps: usize,
 ) -> PyResult<Solution> {
     // Python's words are joined by underscores.
     let Some(tableau) = Tableau::named(&method.replace('_', "-")) else {
@@ -132,6 +132,7 @@ fn called<F: Precision>(field: &Bound<'_, PyAny>, t: f64, y: &ArrayD<F>) -> PyRe
     let answer = field.call1((t, arrays::moved(py, y.clone())))?;
     // Of arrays without axes NumPy makes numbers wherever it computes.
     if y.ndim() == 0
+        && answer.cast::<PyUntypedArray>().is_err()
         && let Ok(number) = answer.extract::<f64>()
     {
         return Ok(ArrayD::from_elem(y.raw_dim(), F::from_f64(number)));

@@ -281,9 +281,12 @@ def test_counts_below_zero_are_wrong_values():
         lambda: us.Topology(np.zeros((0, 3), np.uint32), -1),
         lambda: us.sample_surface(us.icosphere(1).vertices, us.icosphere(1).topology(), 2**40),
         lambda: us.cuboid([-1, 1, 1]),
+        lambda: us.odeint(lambda t, y: y, np.zeros(1), (0.0, 1.0), step=0.1, max_steps=-1),
     ):
         with pytest.raises(ValueError):
             wrong()
+    with pytest.raises(ValueError, match="too large"):
+        us.icosphere(2**33)
     mesh = us.icosphere(1)
     mesh.vertices = np.zeros(())
     with pytest.raises(ValueError, match=r"\[V, 3\]"):

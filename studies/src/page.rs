@@ -25,7 +25,7 @@ pub(crate) fn page(pages: &Pages<'_>) -> String {
     if results.left > 0 {
         let _ = write!(
             body,
-            "<p class=\"warn\">Not finished: {} jobs are left. The same command goes on.</p>",
+            "<p class=\"warn\">Not finished: {} jobs are left. The same command goes on, or the other shares are to be merged.</p>",
             results.left
         );
     }

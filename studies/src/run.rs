@@ -37,6 +37,8 @@ pub struct Reproduced {
     /// Whether all its jobs are done; in JSON `interrupted`, whether they are not.
     #[serde(rename = "interrupted", serialize_with = "is_cancelled")]
     pub ended: Ended,
+    /// How many jobs are not done: another share's, those of other rows, or those after an interrupt.
+    pub left: usize,
     /// What the jobs took that were done now.
     pub seconds: f64,
 }
@@ -44,9 +46,9 @@ pub struct Reproduced {
 impl Reproduced {
     pub(crate) fn of(pages: Pages<'_>, ended: Ended, seconds: f64) -> Self {
         let close = pages.close();
-        let scale = pages.results.scale;
+        let (scale, left) = (pages.results.scale, pages.results.left);
         let Pages { tables, claims, checks, .. } = pages;
-        Self { scale, tables, claims, checks, close, ended, seconds }
+        Self { scale, tables, claims, checks, close, ended, left, seconds }
     }
 }
 

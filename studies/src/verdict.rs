@@ -2,7 +2,8 @@
 //!
 //! A comparison pairs two rows object by object within each seed, and has a 95 % interval of their mean difference, or of the
 //! ratio of their mean errors ([`bootstrap`](crate::bootstrap)). It **holds** if the whole interval is on the claimed side of the margin,
-//! is **reversed** if the whole interval is on the other side, and else **undecided**; what ends at the border is on neither side of it.
+//! is **reversed** if the whole interval is on the other side, and else **undecided**; what ends at 0, where there is no margin,
+//! is on neither side; what ends at a margin is within it.
 //! A claim holds if all its comparisons do, which needs no correction for their number. It is reversed if one of them is, and so the
 //! oftener by chance, the more there are: such a claim is not made again, it is looked into.
 //!

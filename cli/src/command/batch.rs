@@ -107,6 +107,13 @@ pub(crate) fn run(
     Err(Failure::Other(format!("{}; {} says why", said.join(", and "), place.display())))
 }
 
+/// Whether a folder holds a fit: not a training, say, which has a `config.toml` of its own.
+fn is_fit(place: &Path) -> bool {
+    let path = place.join("config.toml");
+    std::fs::read_to_string(&path)
+        .is_ok_and(|text| settings::read_text::<FitConfig>(&path, &text, &[]).is_ok())
+}
+
 fn objects(count: usize) -> String {
     counted(count, "object")
 }
@@ -138,7 +145,7 @@ impl Batch<'_> {
             pages.into_iter().filter(|path| !is_begun && path.exists()).collect();
         let is_others = |place: &PathBuf| {
             let is_empty = std::fs::read_dir(place).is_ok_and(|mut files| files.next().is_none());
-            place.exists() && !is_empty && !place.join("config.toml").is_file()
+            place.exists() && !is_empty && !is_fit(place)
         };
         others.extend(self.list.iter().map(|object| self.place(object)).filter(is_others));
         let Some(path) = others.first() else { return Ok(()) };
@@ -198,7 +205,9 @@ impl Batch<'_> {
     fn refuse_other_reading(&self) -> Result<(), Failure> {
         let asked = around_the_object(&self.arguments.reading);
         // A path that is no text cannot be kept, and is not compared.
-        let Ok(asked) = serde_json::to_string_pretty(&asked) else { return Ok(()) };
+        let Ok(mut asked) = serde_json::to_value(&asked) else { return Ok(()) };
+        asked["up"] = self.arguments.up.map_or("auto", UpAxis::name).into();
+        let asked = format!("{asked:#}");
         // An earlier version did not keep it.
         let found = std::fs::read_to_string(self.folder.join(READING)).unwrap_or_default();
         let is_begun = self.list.iter().any(|object| self.is_done(object));

@@ -37,6 +37,10 @@ pub(crate) fn run(console: Console, arguments: &ConvertMesh) -> Result<(), Failu
     if arguments.solid {
         let refused = |error| Failure::Input(format!("{}: --solid: {error}", input.display()));
         mesh = solidify(&mesh).map_err(refused)?;
+        let found = mesh.examined();
+        if !found.is_solid() {
+            console.warn(format_args!("{}: --solid: still {found}", input.display()));
+        }
     }
     if is(output, "stl") && (mesh.colors.take().is_some() | mesh.texture.take().is_some()) {
         console.warn(format_args!("STL has no colours: {} is without", output.display()));

@@ -125,8 +125,8 @@ fn one(
     out: &Path,
 ) -> Result<(), Failure> {
     let made = if let Some(from) = &arguments.report {
-        // Results that are there would no longer be those of the page beside them, and what is no results' is somebody else's.
-        if !out.join("results.json").exists() {
+        // Other results that are there would no longer be those of the page beside them.
+        if !is_of(from, out) {
             refuse_existing(
                 &["table.md", "report.html"].map(|name| out.join(name)),
                 arguments.force,
@@ -139,9 +139,33 @@ fn one(
     } else if arguments.merge.is_empty() {
         return make(console, &listen()?, study, order, out);
     } else {
-        merge(study, &arguments.merge, out, order)
+        merge(study, &arguments.merge, out, order).map_err(failed)?
     };
-    tell(console, study, out, &made.map_err(failed)?)
+    tell(console, study, out, &made)?;
+    if made.left == 0 {
+        return Ok(());
+    }
+    let left = format!(
+        "{} left, and nothing is judged: merge the other shares too, and say --seeds and --seed as they did",
+        counted_jobs(made.left)
+    );
+    // An answer that can stand in CI.
+    if made.scale == Scale::Quick {
+        return Err(Failure::Other(left));
+    }
+    console.warn(left);
+    Ok(())
+}
+
+/// Whether results are those in this folder.
+fn is_of(from: &Path, out: &Path) -> bool {
+    let results = if from.is_dir() { from.join("results.json") } else { from.to_owned() };
+    let place = |path: &Path| path.canonicalize().ok();
+    place(&results).is_some_and(|path| Some(path) == place(&out.join("results.json")))
+}
+
+fn counted_jobs(count: usize) -> String {
+    if count == 1 { "1 job is".to_owned() } else { format!("{count} jobs are") }
 }
 
 /// Where results go if nobody says where.

@@ -156,6 +156,8 @@ fn an_object_that_cannot_be_fitted_stops_no_other() {
     let mine = place.path().join("mine/a_2");
     std::fs::create_dir_all(&mine).unwrap();
     std::fs::write(mine.join("mesh.obj"), "mine").unwrap();
+    // A training keeps its configuration under the same name.
+    std::fs::write(mine.join("config.toml"), "[train]\nepochs = 3\n").unwrap();
     run(&format!("fit --batch objects/list.txt -o mine {TINY}")).fails(2, &["a_2", "--force"]);
     assert_eq!(std::fs::read_to_string(mine.join("mesh.obj")).unwrap(), "mine");
     std::fs::remove_dir_all(&mine).unwrap();

@@ -82,3 +82,18 @@ fn what_does_not_go_together_is_said() {
         unsphere(place.path(), ["reproduce", "img2mesh", "--merge", "nothing", "-o", "out"]);
     merge.fails(1, &["nothing", "holds no results"]);
 }
+
+/// A page is made anew beside its own results, and beside no others.
+#[test]
+fn a_page_stays_beside_its_results() {
+    let place = tempfile::tempdir().unwrap();
+    let results = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/results/img2mesh.json");
+    let report = |from: &str| {
+        unsphere(place.path(), ["reproduce", "img2mesh", "--report", from, "-o", "mine"])
+    };
+    report(results).ok();
+    std::fs::copy(results, place.path().join("mine/results.json")).unwrap();
+    report(results).fails(1, &["table.md", "--force"]);
+    report("mine").ok();
+    report("mine/results.json").ok();
+}

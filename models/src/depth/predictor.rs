@@ -4,7 +4,7 @@ use std::path::Path;
 
 use autodiff_lite::Tape;
 use datasets::{ReadOptions, View};
-use mesh_core::{Lens, TriMesh};
+use mesh_core::{Camera, Lens, TriMesh};
 use ndarray::ArrayD;
 use nets::onnx::OnnxModel;
 use recon::fit::RefineConfig;
@@ -14,7 +14,9 @@ use super::canonical::Canonical;
 use super::given_depth::GivenDepth;
 use super::{DepthKind, MeshInit, PlaceKind, Refined, Scene, Scenes};
 use crate::parts::of_each;
-use crate::predict::{Features, PredictInput, Prediction, Predictor, Request, Sighting, strongest};
+use crate::predict::{
+    Choice, Features, PredictInput, Prediction, Predictor, Request, Sighting, strongest,
+};
 
 impl<B: MeshInit> Predictor for Refined<B> {
     const ABOUT: &'static str = B::ABOUT;
@@ -26,18 +28,11 @@ impl<B: MeshInit> Predictor for Refined<B> {
     }
 
     fn load(&self, request: &Request<'_>) -> Result<PredictInput, DataError> {
-        let mut options = ReadOptions { depth: true, ..request.options.clone() };
-        if request.intrinsics.is_some() {
-            // They count the pixels of the image as it is, which is made smaller once it has them.
-            (options.max_size, options.shrink_to_limit) = (None, false);
-        }
+        let options = ReadOptions { depth: true, ..request.options.clone() };
         let mut input = PredictInput::one(&Request { options, ..request.clone() })?;
         if let Some(intrinsics) = request.intrinsics {
-            look_through(&mut input.given[0], intrinsics)?;
-            if let Some(longest) = request.options.max_size {
-                let views = input.given.iter_mut().chain(&mut input.others);
-                views.for_each(|view| *view = view.clone().at_most(longest));
-            }
+            let size = size_as_it_is(request, &input)?;
+            look_through(&mut input.given[0], intrinsics, size)?;
             if input.camera_assumed {
                 input.warnings.retain(|warning| !warning.starts_with("the camera of a single"));
                 let text = "where the camera of a single image stands is assumed: the object is seen from 27.5 degrees above";
@@ -158,7 +153,27 @@ struct Brought {
 }
 
 /// Replaces a view's lens.
-fn look_through(view: &mut View, [fx, fy, cx, cy]: [f64; 4]) -> Result<(), DataError> {
+/// Columns and rows of the given image as it is, of which reading may have made less.
+fn size_as_it_is(request: &Request<'_>, input: &PredictInput) -> Result<[usize; 2], DataError> {
+    let size = |view: &View| [view.color.width, view.color.height];
+    let (options, given) = (&request.options, &input.given[0]);
+    if options.max_size.is_none() && !options.shrink_to_limit {
+        return Ok(size(given));
+    }
+    // Of a single image there is nothing to choose.
+    let only = (!input.camera_assumed).then(|| vec![given.name.clone()]);
+    let options = ReadOptions { max_size: None, shrink_to_limit: false, only, ..options.clone() };
+    let (choice, score) = (Choice::First(1), None);
+    let whole = PredictInput::one(&Request { options, choice, score, ..request.clone() })?;
+    Ok(size(&whole.given[0]))
+}
+
+/// Gives a view these intrinsics, which count the pixels of the image as it is.
+fn look_through(
+    view: &mut View,
+    [fx, fy, cx, cy]: [f64; 4],
+    [width, height]: [usize; 2],
+) -> Result<(), DataError> {
     let sound =
         [fx, fy].iter().all(|f| *f > 0.0 && f.is_finite()) && cx.is_finite() && cy.is_finite();
     if !sound {
@@ -167,14 +182,16 @@ fn look_through(view: &mut View, [fx, fy, cx, cy]: [f64; 4]) -> Result<(), DataE
         );
         return Err(DataError::Unfit(text));
     }
-    view.camera.lens = Lens::Perspective { fx, fy, cx, cy };
+    let lens = Lens::Perspective { fx, fy, cx, cy };
+    let camera = Camera { lens, width, height, ..view.camera.clone() };
+    view.camera = camera.resized(view.color.width, view.color.height);
     Ok(())
 }
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
-    use mesh_core::{ByteImage, Camera, DepthMap, Image, write_pfm};
+    use mesh_core::{ByteImage, DepthMap, Image, write_pfm};
     use train::System as _;
 
     use super::*;

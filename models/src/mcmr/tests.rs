@@ -86,6 +86,10 @@ fn groups_do_not_couple_the_images_of_a_batch() {
         one.iter().zip(&other).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
     };
     assert!(far(NormKind::Group) < 1e-5 && far(NormKind::Batch) > 1e-4);
+    // What asks that all shapes are used, asks it of the batch.
+    let balanced =
+        McmrConfig { norm: NormKind::Group, balance_weight: 0.5, shapes: 2, ..config.clone() };
+    assert!(Mcmr::new(&balanced, 1).coupling().is_some_and(|why| why.contains("balance-weight")));
 }
 
 /// The published weights, by the tables of the published configurations.

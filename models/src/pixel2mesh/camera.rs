@@ -40,14 +40,12 @@ pub struct Estimate {
     pub tried: usize,
 }
 
-/// The least probability that counts, so that an outline can overrule the head.
-const LEAST_PROBABILITY: f64 = 1e-6;
-
 impl Estimate {
     /// How well the camera explains the image: the outline's intersection over union and, times `prior_weight`, the logarithm of
     /// the camera's probability.
     pub fn score(&self, prior_weight: f64) -> f64 {
-        self.outline + prior_weight * self.hypothesis.probability.max(LEAST_PROBABILITY).ln()
+        // No weight times the logarithm of 0 would be no number.
+        self.outline + prior_weight * self.hypothesis.probability.max(f64::MIN_POSITIVE).ln()
     }
 }
 

@@ -81,7 +81,9 @@ fn shares_make_the_whole() {
     assert_eq!(kept, 3 * 3);
     let folders: Vec<PathBuf> = (1..=4).map(|index: u64| at(&index.to_string())).collect();
     let merged = merge(&TOY, &folders, &at("merged"), &order(&[0, 1, 2], &[])).unwrap();
-    assert_eq!((merged.claims, merged.tables), (whole.claims, whole.tables));
+    assert_eq!((merged.claims, merged.tables, merged.left), (whole.claims, whole.tables, 0));
+    let merged = merge(&TOY, &folders[1..], &at("three"), &order(&[0, 1, 2], &[])).unwrap();
+    assert!(merged.left > 0 && merged.claims.is_empty());
 }
 
 /// What several processes made is what one would have made.

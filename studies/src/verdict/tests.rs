@@ -224,16 +224,20 @@ fn what_five_seeds_may_decide_is_close() {
 /// By the rule: on the border is on neither side, whichever side is claimed.
 #[test]
 fn an_end_at_the_border_decides_nothing() {
-    let judged = |side, low, high| {
+    let judged_by = |border, side, low, high| {
         let question = Question {
             statistic: Statistic::Difference,
             kind: "difference",
             side,
-            border: 0.0,
+            border,
             perfect: None,
         };
         question.judge(Interval { estimate: 0.5 * (low + high), low, high }).0
     };
+    let judged = |side, low, high| judged_by(0.0, side, low, high);
+    // What is exactly at a margin is within it.
+    assert_eq!(judged_by(0.95, Side::Below, 0.9, 0.95), Verdict::Holds);
+    assert_eq!(judged_by(0.95, Side::Above, 0.9, 0.95), Verdict::Undecided);
     for (low, high) in [(0.0, 5.0), (-5.0, 0.0), (0.0, 0.0)] {
         for side in [Side::Below, Side::Above] {
             assert_eq!(judged(side, low, high), Verdict::Undecided, "{low} {high}");
