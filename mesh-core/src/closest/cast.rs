@@ -9,7 +9,7 @@ use crate::vector::{Vec3, cross, dot, sub, widen};
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Hit {
-    /// The place, as weights on a face; of faces that are met at once the lowest.
+    /// The place, as weights on a face; of faces that are met equally far away, to the last digit, the lowest.
     pub point: SurfacePoint,
     /// How far along the ray, in lengths of its direction.
     pub along: f64,
@@ -53,7 +53,13 @@ impl ClosestPoint {
                 }
             }
             if node.first == node.last {
-                open.extend([node.right as usize, index + 1]);
+                let children = [node.right as usize, index + 1];
+                let mut met = children.map(|k| (self.nodes[k].entry(origin, direction), k));
+                // The nearer is opened first: what it holds may spare the other.
+                if met[0].0 < met[1].0 {
+                    met.swap(0, 1);
+                }
+                open.extend(met.iter().filter(|(entry, _)| entry.is_some()).map(|(_, k)| *k));
             }
         }
         best.map(|(along, face, weights)| {

@@ -18,8 +18,8 @@ pub fn apart_from(views: Vec<View>, known: &[View]) -> Vec<View> {
     let middle = centers.iter().sum::<Vector3<f64>>() / centers.len().max(1) as f64;
     let spread = centers.iter().map(|center| (center - middle).norm()).fold(0.0, f64::max);
     let is_same = |a: &Camera, b: &Camera, center: &Vector3<f64>| {
-        // Twice the sine of half the turn, and as much again for another axis.
-        let turned = (a.rotation - b.rotation).norm();
+        // The norm is 2 sqrt(2) sin(angle / 2), which is sqrt(2) angle for small ones.
+        let turned = (a.rotation - b.rotation).norm() / std::f64::consts::SQRT_2;
         let moved = (a.center() - center).norm();
         let apart = if spread > 0.0 { spread } else { center.norm() };
         turned <= SAME && moved <= SAME * apart + ROUNDED * center.norm()

@@ -22,8 +22,8 @@ readers! {
     /// position and colour are the same bits; what this crate wrote without a texture has no such seams
     /// and stays as it is. Vertex colours come back as sRGB. One texture is kept, multiplied by its material's colour; on parts
     /// without it its corner (0, 0) lies. `KHR_texture_transform` is applied, and of `KHR_materials_pbrSpecularGlossiness` the
-    /// diffuse part is read. Lines, triangles that name a vertex twice, and images that are neither PNG nor JPEG, or not in the
-    /// file nor in its folder, are left out: see [`read_with`].
+    /// diffuse part is read. Lines, triangles that name a vertex twice, and images that are neither PNG nor JPEG, or neither in
+    /// the file (in base 64 too) nor in its folder, are left out: see [`read_with`].
     ///
     /// # Errors
     /// The file cannot be read, is no GLB 2.0, needs an extension that changes its geometry
@@ -348,6 +348,10 @@ impl<'a> Glb<'a> {
         soup: &mut Soup,
         budget: &mut Budget,
     ) -> Result<(), ReadMeshError> {
+        if !matches!(mode, 4..=6) {
+            // Points, and modes that nobody knows; looking at indices takes time that no budget counts.
+            return Ok(());
+        }
         let vertices = soup.positions.len() - base;
         let indices = primitive.indices.map(|index| self.items(index, "indices")).transpose()?;
         let count = indices.as_ref().map_or(vertices, Items::count);
@@ -357,8 +361,7 @@ impl<'a> Glb<'a> {
         };
         let triangles = match mode {
             4 => count / 3,
-            5 | 6 => count.saturating_sub(2),
-            _ => 0, // points, and modes that nobody knows
+            _ => count.saturating_sub(2),
         };
         budget.reserve(&mut soup.faces, triangles).map_err(ReadMeshError::over_limit(self.path))?;
         let mirrored = transform.fixed_view::<3, 3>(0, 0).determinant() < 0.0;
