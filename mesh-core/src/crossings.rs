@@ -352,7 +352,18 @@ impl Tree {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::primitives;
+    use crate::{primitives, subdivide};
+
+    /// Where edges meet edges exactly, each of the two faces beside one is on one side of the other's plane, or touches it; the surfaces
+    /// cross there all the same.
+    #[test]
+    fn boxes_whose_edges_meet_edges_cross() {
+        let mut boxes = subdivide(&primitives::cuboid([2.0; 3]));
+        let bar = subdivide(&primitives::cuboid([2.0, 1.0, 1.0]));
+        boxes.append(&bar.translated([1.0, 0.0, 0.0])).expect("neither has a texture");
+        assert!(!boxes.self_intersections().is_empty());
+        assert!(!boxes.examined().is_solid());
+    }
 
     /// Two balls, one of which moves through the other and away, is shrunk to a point, and is lost.
     #[test]
