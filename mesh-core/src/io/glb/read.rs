@@ -348,6 +348,10 @@ impl<'a> Glb<'a> {
         soup: &mut Soup,
         budget: &mut Budget,
     ) -> Result<(), ReadMeshError> {
+        if !matches!(mode, 4..=6) {
+            // Points, and modes that nobody knows; looking at indices takes time that no budget counts.
+            return Ok(());
+        }
         let vertices = soup.positions.len() - base;
         let indices = primitive.indices.map(|index| self.items(index, "indices")).transpose()?;
         let count = indices.as_ref().map_or(vertices, Items::count);
@@ -357,8 +361,7 @@ impl<'a> Glb<'a> {
         };
         let triangles = match mode {
             4 => count / 3,
-            5 | 6 => count.saturating_sub(2),
-            _ => 0, // points, and modes that nobody knows
+            _ => count.saturating_sub(2),
         };
         budget.reserve(&mut soup.faces, triangles).map_err(ReadMeshError::over_limit(self.path))?;
         let mirrored = transform.fixed_view::<3, 3>(0, 0).determinant() < 0.0;
