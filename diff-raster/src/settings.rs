@@ -79,23 +79,22 @@ impl Settings {
         }
     }
 
-    /// The same with its near plane at a millionth of the farthest of these depths, so that no unit of the world is too small; nowhere
-    /// where rays are parallel, which also come from behind.
+    /// The same with its near plane at a millionth of the farthest of these depths where that is nearer than it is, so that no unit of
+    /// the world is too small, and a vertex far away hides nothing; nowhere where rays are parallel, which also come from behind.
     ///
     /// ```
     /// use diff_raster::Settings;
     ///
     /// let settings = Settings::new(8, 8).near_within([2e-5, 3e-5]);
     /// assert!(settings.near > 0.0 && settings.near < 1e-10);
+    /// assert_eq!(Settings::new(8, 8).near_within([3.0, 1e7]), Settings::new(8, 8));
     /// ```
     #[must_use]
     pub fn near_within(self, depths: impl IntoIterator<Item = f32>) -> Self {
         const SHARE: f64 = 1e-6;
         let near = if self.perspective {
-            SHARE
-                * f64::from(
-                    depths.into_iter().filter(|depth| depth.is_finite()).fold(0.0, f32::max),
-                )
+            let farthest = depths.into_iter().filter(|depth| depth.is_finite()).fold(0.0, f32::max);
+            self.near.min(SHARE * f64::from(farthest))
         } else {
             f64::NEG_INFINITY
         };
