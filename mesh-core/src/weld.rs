@@ -9,7 +9,7 @@ impl TriMesh {
     /// The mesh with vertices within `tolerance` of an earlier one made that one: what was cut apart at seams, or is the corners of
     /// triangles each on its own, is joined. 0 joins those at the same place.
     ///
-    /// Faces that then name a vertex twice are left out. A vertex keeps the place and the colour of the first; texture
+    /// Faces that then name a vertex twice are left out. A vertex that is not finite stays as it is; any other keeps the place and the colour of the first; texture
     /// coordinates are those of faces and stay. Vertices of no face stay too.
     ///
     /// ```
@@ -41,6 +41,10 @@ impl TriMesh {
         let mut target: Vec<u32> = Vec::with_capacity(self.positions.len());
         for (v, &position) in (0..).zip(&self.positions) {
             let p = widen(position);
+            if !p.iter().all(|x| x.is_finite()) {
+                target.push(v); // in no cell
+                continue;
+            }
             let place = p.map(|x| (x / cell).floor() as i64);
             let near = (0..27).filter_map(|k| {
                 let [x, y, z] = place;
@@ -52,13 +56,20 @@ impl TriMesh {
             };
             // Of several the first, whichever cell it is in.
             let first = near.flatten().filter(is_one).min().copied();
-            if first.is_none() && p.iter().all(|x| x.is_finite()) {
+            if first.is_none() {
                 first_of.entry(place).or_default().push(v);
             }
             target.push(first.unwrap_or(v));
         }
         let is_kept: Vec<bool> = (0..).zip(&target).map(|(v, &first)| v == first).collect();
-        self.renamed(&target, &is_kept)
+        let mut welded = self.renamed(&target, &is_kept);
+        let is_whole = |&[a, b, c]: &[u32; 3]| a != b && b != c && c != a;
+        if let Some(texture) = &mut welded.texture {
+            let mut whole = welded.faces.iter().map(is_whole);
+            texture.faces.retain(|_| whole.next().unwrap_or(true));
+        }
+        welded.faces.retain(is_whole);
+        welded
     }
 
     /// The mesh without the vertices that no face uses. Faces stay what they are, by other numbers.
@@ -86,7 +97,7 @@ impl TriMesh {
         is_used
     }
 
-    /// Each vertex made another, which is kept; faces that then name one twice are left out.
+    /// Each vertex made another, which is kept.
     fn renamed(&self, target: &[u32], is_kept: &[bool]) -> Self {
         let mut number = vec![0_u32; target.len()];
         let kept = number.iter_mut().zip(is_kept).filter(|(_, kept)| **kept);
@@ -96,23 +107,12 @@ impl TriMesh {
         let kept = |rows: &[[f32; 3]]| -> Vec<[f32; 3]> {
             rows.iter().zip(is_kept).filter(|(_, kept)| **kept).map(|(row, _)| *row).collect()
         };
-        let faces: Vec<[u32; 3]> = self
-            .faces
-            .iter()
-            .map(|face| face.map(|v| number[target[v as usize] as usize]))
-            .collect();
-        let is_whole = |&[a, b, c]: &[u32; 3]| a != b && b != c && c != a;
-        let texture = self.texture.as_ref().map(|texture| {
-            let mut texture = texture.clone();
-            let whole = texture.faces.iter().zip(&faces).filter(|(_, face)| is_whole(face));
-            texture.faces = whole.map(|(uvs, _)| *uvs).collect();
-            texture
-        });
+        let name = |&v: &u32| number[target[v as usize] as usize];
         Self {
             positions: kept(&self.positions),
-            faces: faces.into_iter().filter(is_whole).collect(),
+            faces: self.faces.iter().map(|face| face.each_ref().map(name)).collect(),
             colors: self.colors.as_deref().map(kept),
-            texture,
+            texture: self.texture.clone(),
         }
     }
 }
@@ -132,7 +132,7 @@ mod tests {
             [-0.0, 1.0, 0.0],
             [1.0, 1.0, 0.0],
             [f32::NAN; 3],
-            [f32::NAN; 3],
+            [f32::INFINITY, f32::NEG_INFINITY, 0.0],
         ];
         let mut mesh = TriMesh::new(positions, vec![[0, 1, 2], [3, 5, 4], [1, 3, 5]]);
         mesh.colors = Some((0..8).map(|v| [v as f32 / 8.0; 3]).collect());
@@ -162,5 +162,8 @@ mod tests {
         loose.faces.iter_mut().flatten().for_each(|v| *v += 1);
         assert_eq!(loose.without_unused_vertices(), ball);
         assert_eq!(ball.without_unused_vertices(), ball);
+        // A face without area is a face all the same.
+        loose.faces.push([1, 1, 2]);
+        assert_eq!(loose.without_unused_vertices().faces.last(), Some(&[0, 0, 1]));
     }
 }
