@@ -46,7 +46,7 @@ pub(crate) fn winding(triangles: impl Iterator<Item = [Vec3; 3]>, p: Vec3) -> f6
 
 /// Pairs of pieces that are compared, and faces that are looked at, before the rest counts as sound: among ten thousand pieces
 /// that are nested in each other nobody looks for the one.
-const MOST: u64 = 200_000_000;
+const MOST: u64 = 20_000_000;
 
 /// A connected part of a closed surface.
 struct Piece {
