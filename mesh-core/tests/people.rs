@@ -338,6 +338,9 @@ fn ply_colors_are_bytes_in_any_kind_of_number() {
         assert_eq!(read(kind, ["65535 13107 0", "0 0 0", "26214 26214 26214"]), bytes, "{kind}");
     }
     assert_eq!(read("float", ["1 0.2 0", "0 0 0", "0.4 0.4 0.4"]), bytes);
+    // Dark bytes, and light above 1.
+    assert_eq!(read("float", ["3 0 0", "0 0 0", "0 0 0"])[0], [3.0 / 255.0, 0.0, 0.0]);
+    assert_eq!(read("float", ["20.5 0.2 0", "0 0 0", "0.4 0.4 0.4"]), bytes);
     assert_eq!(read("char", ["127 0 0", "0 0 0", "0 0 0"])[0], [1.0, 0.0, 0.0]);
 }
 

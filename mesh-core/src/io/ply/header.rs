@@ -68,18 +68,22 @@ impl Scalar {
         }
     }
 
-    /// What 1.0 is where the type holds colours of which `largest` is the greatest: some programs write bytes as wider numbers
-    /// or as floats.
-    pub(super) fn white(self, largest: f32) -> f64 {
+    /// What 1.0 is in channels of this type of which `largest` is the greatest value: some programs write bytes as wider numbers or
+    /// as floats. Floats are bytes where all are whole (`is_whole`) and one is above 1, since light above 1 has fractions.
+    pub(super) fn white(self, largest: f32, is_whole: bool) -> f64 {
         match self {
             Self::I8 => 127.0,
             Self::U8 => 255.0,
-            // Beyond 1, but not by far: light that was not cut off.
-            Self::F32 | Self::F64 if largest <= 16.0 => 1.0,
+            Self::F32 | Self::F64 => {
+                if is_whole && largest > 1.0 {
+                    255.0
+                } else {
+                    1.0
+                }
+            }
             _ if largest <= 255.0 => 255.0,
             Self::I16 => 32767.0,
             Self::U16 => 65535.0,
-            Self::F32 | Self::F64 => 255.0,
             _ if largest <= 65535.0 => 65535.0,
             Self::I32 => 2_147_483_647.0,
             Self::U32 => 4_294_967_295.0,

@@ -14,8 +14,9 @@ use crate::{Budget, Texture, TriMesh};
 readers! {
     /// Reads a PLY file: ASCII or binary, any order and type of properties.
     ///
-    /// Vertices need `x`, `y` and `z`; colours are `red`, `green`, `blue` (bytes, or floats in
-    /// `[0, 1]`; wider numbers of which none is more than bytes are); faces are `vertex_indices` or `vertex_index`, polygons become triangles;
+    /// Vertices need `x`, `y` and `z`; colours are `red`, `green`, `blue`. Integers are bytes
+    /// where none is above 255, numbers of 16 bits where none is above those, or else count up to the largest of their type, which they
+    /// always do in `char` (127). Floats are bytes where all are whole and one is above 1, or else cut off at 0 and 1. Faces are `vertex_indices` or `vertex_index`, polygons become triangles;
     /// `tristrips` are strips of triangles, which -1 ends. A texture is read where a comment
     /// `TextureFile` names one in the file's folder or below it and vertices (`s t`, `u v` or
     /// `texture_u texture_v`) or faces (`texcoord`) place it. Faces of one or two corners and triangles
@@ -204,6 +205,7 @@ fn vertices(
     let uv = if let [Some(u), Some(v)] = uv { Some([u, v]) } else { None };
 
     let (mut colors, mut largest) = (Vec::new(), [0.0_f32; 3]);
+    let mut is_whole = [true; 3];
     let mut uvs = Vec::new();
     let mut row = vec![0.0; element.properties.len()];
     for item in 0..element.count {
@@ -225,6 +227,7 @@ fn vertices(
                 return Err(numbers.wrong("red, green, blue", bad, "finite numbers"));
             }
             largest = std::array::from_fn(|k| largest[k].max(color[k]));
+            is_whole = std::array::from_fn(|k| is_whole[k] && color[k].fract() == 0.0);
             budget.push(&mut colors, color).map_err(&over)?;
         }
         if let Some(uv) = uv {
@@ -236,18 +239,19 @@ fn vertices(
         }
     }
     parts.colors = rgb.map(|rgb| {
-        to_unit(&mut colors, rgb.map(|k| element.properties[k].scalar), largest);
+        to_unit(&mut colors, rgb.map(|k| element.properties[k].scalar), largest, is_whole);
         colors
     });
     parts.vertex_uvs = uv.map(|_| uvs);
     Ok(())
 }
 
-/// Brings colours to `[0, 1]`, by the types of their channels and the largest value of each.
-fn to_unit(colors: &mut [[f32; 3]], scalars: [Scalar; 3], largest: [f32; 3]) {
+/// Brings colours to `[0, 1]`, by the types of their channels, the largest value of each and whether all of it are whole.
+fn to_unit(colors: &mut [[f32; 3]], scalars: [Scalar; 3], largest: [f32; 3], is_whole: [bool; 3]) {
     let white = scalars.map(|scalar| {
-        let alike = largest.iter().zip(scalars).filter(|(_, other)| *other == scalar);
-        scalar.white(alike.fold(0.0, |most, (&c, _)| most.max(c)))
+        let alike = || (0..3).filter(|&k| scalars[k] == scalar);
+        let largest = alike().map(|k| largest[k]).fold(0.0, f32::max);
+        scalar.white(largest, alike().all(|k| is_whole[k]))
     });
     for color in colors {
         *color = std::array::from_fn(|k| (f64::from(color[k]) / white[k]).clamp(0.0, 1.0) as f32);
