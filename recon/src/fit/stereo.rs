@@ -60,7 +60,7 @@ pub(super) fn sweep(
     let (fronts, backs) = (over(faces), over(&backs));
     of_each(images, |image, neighbors| {
         let mut drawn = Drawn::default();
-        let mut range = vec![[f32::INFINITY, 0.0]; image.mask.len()];
+        let mut range = vec![[f32::INFINITY, f32::NEG_INFINITY]; image.mask.len()];
         for (end, faces) in [&fronts, &backs].into_iter().enumerate() {
             image.draw(positions, faces, &mut drawn);
             for (pixel, range) in range.iter_mut().enumerate() {
