@@ -233,6 +233,16 @@ fn glb_images_of_other_kinds_are_left_out() {
     let file = folder.path().join("a.glb");
     std::fs::write(&file, strip.glb(material, r#"{"uri":"t.png"}"#, "")).unwrap();
     assert_eq!(glb::read(&file).unwrap().texture.unwrap().image.width, 4);
+    // So is one whose name is written as URIs are, and one that stands in the URI itself.
+    std::fs::write(folder.path().join("t 1.png"), Strip::png()).unwrap();
+    std::fs::write(&file, strip.glb(material, r#"{"uri":"t%201.png"}"#, "")).unwrap();
+    assert!(glb::read(&file).unwrap().texture.is_some());
+    let pixel = "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNk+M9QDwADhgGAWjR9awAAAABJRU5ErkJggg==";
+    let image = format!("{{\"uri\":\"data:image/png;base64,{pixel}\"}}");
+    let (mesh, remarks) = read_all(&strip.glb(material, &image, ""));
+    assert!(mesh.texture.is_some() && remarks.is_empty(), "{remarks:?}");
+    std::fs::write(&file, strip.glb(material, r#"{"uri":"%2e%2e/t.png"}"#, "")).unwrap();
+    assert!(glb::read(&file).unwrap().texture.is_none(), "not outside the folder");
     let strip = Strip::new(&Strip::png()[..40]);
     assert!(glb::decode(&strip.glb(material, r#"{"bufferView":2}"#, ""), "a.glb").is_err());
 }

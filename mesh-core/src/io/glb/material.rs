@@ -1,8 +1,12 @@
 //! What lies on the parts of a GLB file: a texture, and the colours that it is multiplied by.
 
+use std::path::PathBuf;
+
 use super::document::{Material, TextureInfo, TextureTransform};
 use super::read::{Glb, LeftOut};
 use super::soup::Soup;
+use super::uri;
+use crate::io::open::Root;
 use crate::io::{NotRead, ReadMeshError, open};
 use crate::{Image, linear_to_srgb, srgb_to_linear};
 
@@ -99,8 +103,11 @@ impl Glb<'_> {
             return open::picture(self.path, self.view(view, "image")?, self.path, self.limits);
         }
         match (&image.uri, &self.root) {
-            (Some(uri), _) if uri.starts_with("data:") => Ok(Err(NotRead::UnknownKind)),
-            (Some(uri), Some(root)) => match root.find(root.folder(), uri) {
+            (Some(data), _) if data.starts_with("data:") => match uri::data(data) {
+                Some(bytes) => open::picture(self.path, &bytes, self.path, self.limits),
+                None => Ok(Err(NotRead::UnknownKind)),
+            },
+            (Some(uri), Some(root)) => match found(root, uri) {
                 Ok(file) => open::texture(self.path, &file, self.limits),
                 Err(why) => Ok(Err(why)),
             },
@@ -132,6 +139,15 @@ impl Glb<'_> {
         }
         soup.split = true;
         Ok(())
+    }
+}
+
+/// The file that a URI stands for: by the name as it is, which some programs write, or as URIs have it.
+fn found(root: &Root, uri: &str) -> Result<PathBuf, NotRead> {
+    let find = |name: &str| root.find(root.folder(), name);
+    match (find(uri), uri::decoded(uri)) {
+        (Err(NotRead::Missing), Some(name)) => find(&name),
+        (found, _) => found,
     }
 }
 

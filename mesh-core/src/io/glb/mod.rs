@@ -5,6 +5,7 @@ mod document;
 mod material;
 mod read;
 mod soup;
+mod uri;
 mod write;
 
 pub(super) use read::assemble;

@@ -22,8 +22,8 @@ readers! {
     /// position and colour are the same bits; what this crate wrote without a texture has no such seams
     /// and stays as it is. Vertex colours come back as sRGB. One texture is kept, multiplied by its material's colour; on parts
     /// without it its corner (0, 0) lies. `KHR_texture_transform` is applied, and of `KHR_materials_pbrSpecularGlossiness` the
-    /// diffuse part is read. Lines, triangles that name a vertex twice, and images that are neither PNG nor JPEG, or not in the
-    /// file nor in its folder, are left out: see [`read_with`].
+    /// diffuse part is read. Lines, triangles that name a vertex twice, and images that are neither PNG nor JPEG, or neither in
+    /// the file (in base 64 too) nor in its folder, are left out: see [`read_with`].
     ///
     /// # Errors
     /// The file cannot be read, is no GLB 2.0, needs an extension that changes its geometry
