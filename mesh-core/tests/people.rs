@@ -171,8 +171,10 @@ fn every_material_of_an_obj_has_its_own_look() {
     image("a.png", &[255, 0, 0, 0, 255, 0]);
     image("b.png", &[0, 0, 255]);
     let library = "newmtl a\nmap_Kd a.png\nnewmtl b\nmap_Kd b.png\nnewmtl c\nKd 0.2 0.4 0.6\n\
-        newmtl d\nKd 1 0 0\nmap_Kd -s 0.5 1 1 -o 0.5 0 0 a.png\nnewmtl e\nKd 0 1 1\nmap_Kd e.tga\n";
+        newmtl d\nKd 1 0 0\nmap_Kd -s 0.5 1 1 -o 0.5 0 0 a.png\nnewmtl e\nKd 0 1 1\nmap_Kd e.tga\nnewmtl f\nmap_Kd f.png\n";
     file("m.mtl", library);
+    fs::write(folder.path().join("f.png"), &fs::read(folder.path().join("a.png")).unwrap()[..40])
+        .unwrap();
     file("e.tga", "an image of another kind");
     let head = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 0.5 0\nvt 0.5 1\n";
     let read = |materials: &str| {
@@ -196,6 +198,13 @@ fn every_material_of_an_obj_has_its_own_look() {
     // The fifth has 0.5 to 0.75 of the first image: its middle is three quarters green.
     assert_eq!(found, [red, blue, [1.0, 2.0, 3.0], [5.0; 3], [1.0, 4.0, 0.0], [0.0, 5.0, 5.0]]);
     assert_eq!(remarks, ["\"e.tga\" not read: neither PNG nor JPEG"]);
+    // A damaged one takes none of the others away.
+    let (mesh, remarks) = read("afb");
+    assert_eq!(
+        mesh.texture.unwrap().color_at(&mesh_core::SurfacePoint { face: 2, barycentric: middle }),
+        [0.0, 0.0, 1.0]
+    );
+    assert_eq!(remarks, ["1 other texture left out: damaged, or more than one mesh holds"]);
     // One image on all faces stays what it is.
     let (mesh, remarks) = read("aax");
     let texture = mesh.texture.unwrap();

@@ -34,9 +34,9 @@ pub enum Remark {
         /// How many more there are, whatever their reason.
         others: usize,
     },
-    /// Textures beyond the one that a mesh holds.
+    /// Textures beyond the one that a mesh holds; of OBJ files, whose textures become one, those that are damaged or too large for it.
     OtherTextures {
-        /// How many faces or parts would have them.
+        /// How many, or how many parts would have them.
         count: usize,
     },
     /// Parts whose texture would be multiplied by colours of their vertices, or by another colour than the first part's.
@@ -107,8 +107,8 @@ impl fmt::Display for Remark {
                 if *others > 0 { write!(f, " (and {others} more)") } else { Ok(()) }
             }
             Self::OtherTextures { count } => {
-                let parts = crate::counted(*count, "other part");
-                write!(f, "a mesh holds one texture: that of {parts} left out")
+                let textures = crate::counted(*count, "other texture");
+                write!(f, "{textures} left out: damaged, or more than one mesh holds")
             }
             Self::OtherTints { count } => {
                 let parts = plural(*count, "part", "parts");

@@ -44,7 +44,7 @@ pub(super) fn texture(
         Lies::Nothing => false,
     };
     if parsed.used().any(other) {
-        // The atlas takes the images; the first is needed where it comes to nothing.
+        // Where the atlas comes to nothing.
         let first = first.clone();
         let made = sheets.joined(parsed, &looks, main, limits, budget).map_err(&over)?;
         if let Some((texture, bare)) = made {
@@ -113,7 +113,7 @@ struct Sheets {
 }
 
 impl Sheets {
-    /// Reads the files; how many were left out as too much. Those after the first share half of the limit.
+    /// Reads the files; how many were left out as damaged or too large. Those after the first share half of the limit.
     fn read(
         &mut self,
         files: &Files,
@@ -136,8 +136,8 @@ impl Sheets {
                 }
                 Ok(Err(why)) => not_read(remarks, name, why),
                 Err(error) if self.images.is_empty() => return Err(error),
-                // One that is damaged, or a header that claims too much: no more are unpacked.
-                Err(_) => (left_out, room) = (left_out + 1, 0),
+                // One that is damaged, or larger than there is room for; others may be neither.
+                Err(_) => left_out += 1,
             }
         }
         Ok(left_out)
@@ -199,7 +199,7 @@ impl Sheets {
         budget.fill(&mut parsed.uv_faces, faces, [NONE; 3], 0)?;
         let (uvs, corners) = (&parsed.uvs, &parsed.uv_faces);
         let faces = Faces { uvs, corners, look: &of_face, looks: &looks };
-        atlas(&faces, self.images, limits, budget)
+        atlas(&faces, &self.images, limits, budget)
     }
 }
 
