@@ -1,5 +1,7 @@
 //! Several images as one, for meshes whose faces have different ones.
 
+use std::borrow::Cow;
+
 use crate::{Budget, Image, Limits, OverLimit, Texture};
 
 /// Stands for "no texture coordinate".
@@ -38,90 +40,85 @@ pub(super) struct Faces<'a> {
 const MARGIN: usize = 2;
 /// What an atlas may have of pixels so that images that are repeated keep theirs.
 const ROOM: u64 = 1 << 24;
+/// How often an image stands beside itself at most: coordinates of 32 bits that are larger have no fractions, and all that is seen is
+/// its mean.
+const MOST: u64 = 1 << 24;
 
 /// An image in the atlas, with how often it stands beside itself.
 struct Sheet {
-    image: Image,
-    repeats: [u64; 2],
+    image: usize,
+    /// Columns and rows of one copy.
+    pixels: [usize; 2],
+    repeats: [usize; 2],
     /// Column and row of its margin's corner.
     at: [usize; 2],
 }
 
 impl Sheet {
-    /// How far a coordinate may be beyond the border without a second image there: a pixel, and little of small images.
-    fn slack(&self) -> [f32; 2] {
-        [self.image.width, self.image.height].map(|n| 1.0 / n.max(64) as f32)
-    }
-
     /// Of one colour: no coordinates are needed.
     fn is_flat(&self) -> bool {
-        self.image.width * self.image.height == 1
+        self.pixels == [1; 2]
     }
 
     /// Columns and rows with the margin.
     fn size(&self) -> [usize; 2] {
-        let [x, y] = self.repeats.map(|n| n as usize);
-        [self.image.width * x + 2 * MARGIN, self.image.height * y + 2 * MARGIN]
+        std::array::from_fn(|k| self.pixels[k].saturating_mul(self.repeats[k]) + 2 * MARGIN)
     }
 }
 
-/// Where a corner lies: its look, its texture coordinate, and how many whole images are taken off it.
-type Corner = (u32, u32, [i32; 2]);
+/// Where a corner lies: its look, its texture coordinate, its sheet, and how many whole images are taken off it.
+type Corner = (u32, u32, u32, [i32; 2]);
 
-/// One texture of several images (three channels), each repeated as often as its faces need it, made smaller where that is too
-/// much, and the number of corners without a texture coordinate; `None` where not even that fits into the limits.
+/// One texture of several images (three channels) and the number of corners without a texture coordinate; `None` where not even one of
+/// each fits into the limits.
+///
+/// Faces that need their image more than once have one of its own, as often as the worst of them needs it and made smaller where that
+/// is too much, so that the others show all of theirs.
 pub(super) fn atlas(
     faces: &Faces<'_>,
-    images: Vec<Image>,
+    images: &[Image],
     limits: &Limits,
     budget: &mut Budget,
 ) -> Result<Option<(Texture, usize)>, OverLimit> {
-    let mut sheets: Vec<Sheet> =
-        images.into_iter().map(|image| Sheet { image, repeats: [1; 2], at: [0; 2] }).collect();
-    for face in 0..faces.corners.len() {
-        let (look, corners) = faces.placed(face);
-        let sheet = &mut sheets[look.sheet];
-        let (slack, off) = (sheet.slack(), shift(&corners, sheet));
-        for k in 0..2 {
-            let most = corners.iter().map(|uv| uv[k]).fold(f32::MIN, f32::max);
-            let repeats = (most - off[k] as f32 - slack[k]).ceil() as u64;
-            sheet.repeats[k] = sheet.repeats[k].max(repeats);
-        }
-    }
-    shrink(&mut sheets, limits);
-    let [width, height] = pack(&mut sheets);
-    if (width as u64).saturating_mul(height as u64) > limits.max_pixels / 2 {
-        return Ok(None);
-    }
+    let mut plan = Plan::new(faces, images);
+    let Some(size) = fit(&mut plan.sheets, images, limits) else { return Ok(None) };
     let mut corners: Vec<Corner> = Vec::new();
     budget.reserve(&mut corners, 3 * faces.corners.len())?;
     let mut bare = 0;
     for face in 0..faces.corners.len() {
-        corners.extend(faces.keys(face, &sheets));
-        let is_flat = sheets[faces.placed(face).0.sheet].is_flat();
+        let keys = plan.keys(face);
+        corners.extend(keys);
+        let is_flat = plan.sheets[keys[0].2 as usize].is_flat();
         bare += faces.corners[face].iter().filter(|&&t| t == NONE && !is_flat).count();
     }
     corners.sort_unstable();
     corners.dedup();
     let mut uvs = Vec::new();
     budget.reserve(&mut uvs, corners.len())?;
-    uvs.extend(corners.iter().map(|corner| faces.at(corner, &sheets, [width, height])));
+    uvs.extend(corners.iter().map(|corner| plan.at(corner, size)));
     let mut indices = Vec::new();
     budget.reserve(&mut indices, faces.corners.len())?;
     indices.extend((0..faces.corners.len()).map(|face| {
-        faces.keys(face, &sheets).map(|key| corners.partition_point(|corner| *corner < key) as u32)
+        plan.keys(face).map(|key| corners.partition_point(|corner| *corner < key) as u32)
     }));
-    let image = painted(&sheets, [width, height]);
+    let image = painted(&plan.sheets, images, size);
     Ok(Some((Texture { uvs, faces: indices, image }, bare)))
 }
 
-/// How many whole images the corners of a face are from the first.
-fn shift(corners: &[[f32; 2]; 3], sheet: &Sheet) -> [i32; 2] {
-    let slack = sheet.slack();
-    std::array::from_fn(|k| {
-        let least = corners.iter().map(|uv| uv[k]).fold(f32::MAX, f32::min);
-        (least + slack[k]).floor() as i32
-    })
+/// How far a coordinate may be beyond the border of an image without a second one there: a pixel, and little of small ones.
+fn slack(image: &Image) -> [f32; 2] {
+    [image.width, image.height].map(|n| 1.0 / n.max(64) as f32)
+}
+
+/// How many whole images the corners of a face are from the first, and how many they need.
+fn shift(corners: &[[f32; 2]; 3], slack: [f32; 2]) -> ([i32; 2], [usize; 2]) {
+    let ends = |k: usize| {
+        let along = || corners.iter().map(|uv| uv[k]);
+        [along().fold(f32::MAX, f32::min), along().fold(f32::MIN, f32::max)]
+    };
+    let off: [i32; 2] = std::array::from_fn(|k| (ends(k)[0] + slack[k]).floor() as i32);
+    let repeats = |k: usize| ((ends(k)[1] - off[k] as f32 - slack[k]).ceil() as u64).clamp(1, MOST);
+    (off, [0, 1].map(|k| repeats(k) as usize))
 }
 
 impl Faces<'_> {
@@ -134,63 +131,114 @@ impl Faces<'_> {
     fn uv(&self, uv: u32) -> [f32; 2] {
         self.uvs.get(uv as usize).copied().unwrap_or_default()
     }
+}
 
-    fn keys(&self, face: usize, sheets: &[Sheet]) -> [Corner; 3] {
-        let (look, corners) = self.placed(face);
-        let sheet = &sheets[look.sheet];
-        if sheet.is_flat() {
-            return [(self.look[face], NONE, [0; 2]); 3];
+/// Which sheet lies on which face.
+struct Plan<'a> {
+    faces: &'a Faces<'a>,
+    images: &'a [Image],
+    sheets: Vec<Sheet>,
+    /// For each image its sheet, and that of faces that need it more than once.
+    of: Vec<[usize; 2]>,
+}
+
+impl<'a> Plan<'a> {
+    fn new(faces: &'a Faces<'a>, images: &'a [Image]) -> Self {
+        let mut plan = Self { faces, images, sheets: Vec::new(), of: Vec::new() };
+        let mut repeats = vec![[1; 2]; images.len()];
+        let mut is_plain = vec![false; images.len()];
+        for face in 0..faces.corners.len() {
+            let (image, _, needed) = plan.need(face);
+            is_plain[image] |= needed == [1; 2];
+            repeats[image] = std::array::from_fn(|k| needed[k].max(repeats[image][k]));
         }
-        let shift = shift(&corners, sheet);
-        self.corners[face].map(|uv| (self.look[face], uv, shift))
+        for (image, own) in images.iter().enumerate() {
+            let pixels = [own.width, own.height];
+            let mut sheet = |repeats: [usize; 2]| {
+                plan.sheets.push(Sheet { image, pixels, repeats, at: [0; 2] });
+                plan.sheets.len() - 1
+            };
+            let first = sheet(if is_plain[image] { [1; 2] } else { repeats[image] });
+            let is_both = is_plain[image] && repeats[image] != [1; 2];
+            let second = if is_both { sheet(repeats[image]) } else { first };
+            plan.of.push([first, second]);
+        }
+        plan
+    }
+
+    /// The image of a face, how many whole ones its corners are from the first, and how many it needs.
+    fn need(&self, face: usize) -> (usize, [i32; 2], [usize; 2]) {
+        let (look, corners) = self.faces.placed(face);
+        let image = &self.images[look.sheet];
+        if image.width * image.height == 1 {
+            return (look.sheet, [0; 2], [1; 2]);
+        }
+        let (off, needed) = shift(&corners, slack(image));
+        (look.sheet, off, needed)
+    }
+
+    fn keys(&self, face: usize) -> [Corner; 3] {
+        let (image, off, needed) = self.need(face);
+        let sheet = self.of[image][usize::from(needed != [1; 2])];
+        let (look, name) = (self.faces.look[face], sheet as u32);
+        if self.sheets[sheet].is_flat() {
+            return [(look, NONE, name, [0; 2]); 3];
+        }
+        self.faces.corners[face].map(|uv| (look, uv, name, off))
     }
 
     /// The texture coordinate in the atlas.
-    fn at(&self, &(look, uv, shift): &Corner, sheets: &[Sheet], size: [usize; 2]) -> [f32; 2] {
-        let look = &self.looks[look as usize];
-        let sheet = &sheets[look.sheet];
-        let own = [sheet.image.width, sheet.image.height];
-        let (placed, slack) = (look.place(self.uv(uv)), sheet.slack());
+    fn at(&self, &(look, uv, sheet, off): &Corner, size: [usize; 2]) -> [f32; 2] {
+        let look = &self.faces.looks[look as usize];
+        let sheet = &self.sheets[sheet as usize];
+        let slack = slack(&self.images[sheet.image]);
+        let placed = look.place(self.faces.uv(uv));
         let [u, v] = std::array::from_fn(|k| {
             let most = sheet.repeats[k] as f32;
-            let within = (placed[k] - shift[k] as f32).clamp(-slack[k], most + slack[k]);
+            let within = (placed[k] - off[k] as f32).clamp(-slack[k], most + slack[k]);
             let within = if sheet.is_flat() { 0.5 * most } else { within };
             // v goes up, and rows go down.
             let along = if k == 0 { within } else { most - within };
-            let pixel = f64::from(along) * own[k] as f64 + (sheet.at[k] + MARGIN) as f64;
+            let pixel = f64::from(along) * sheet.pixels[k] as f64 + (sheet.at[k] + MARGIN) as f64;
             pixel / size[k] as f64
         });
         [u as f32, (1.0 - v) as f32]
     }
 }
 
-/// Makes images smaller until all of them, repeated, fit into what there is room for.
-fn shrink(sheets: &mut [Sheet], limits: &Limits) {
-    let area = |sheet: &Sheet| (sheet.image.width * sheet.image.height) as u64;
-    let plain: u64 = sheets.iter().map(area).sum();
-    let repeated = |sheet: &Sheet| {
-        let [x, y] = sheet.repeats;
-        area(sheet).saturating_mul(x.saturating_mul(y))
-    };
-    let needed = sheets.iter().map(repeated).fold(0_u64, u64::saturating_add);
-    // A quarter of the limit: what is not filled between images must have room too.
-    let room = plain.max(ROOM).min(limits.max_pixels / 4);
-    if needed <= room {
-        return;
+/// Packs the sheets, those that are repeated made smaller until there is room for all; columns and rows of all, `None` where there is
+/// none.
+fn fit(sheets: &mut [Sheet], images: &[Image], limits: &Limits) -> Option<[usize; 2]> {
+    let pixels = |[x, y]: [usize; 2]| (x as u64).saturating_mul(y as u64);
+    let plain = |image: &Image| pixels([image.width, image.height].map(|n| n + 2 * MARGIN));
+    let plain: u64 = images.iter().map(plain).sum();
+    // Twice as much, since shelves do not fill the whole.
+    let room = (2 * plain).max(ROOM).min(limits.max_pixels / 2);
+    loop {
+        let size = pack(sheets);
+        if pixels(size) <= room {
+            return Some(size);
+        }
+        let sides = |sheet: &Sheet| [0, 1].map(|k| (sheet.repeats[k] > 1).then(|| sheet.size()[k]));
+        let Some(longest) = sheets.iter().flat_map(sides).flatten().max() else {
+            return (pixels(size) <= limits.max_pixels / 2).then_some(size);
+        };
+        // All that are nearly as long, lest many take many rounds.
+        for sheet in &mut *sheets {
+            for (k, side) in sides(sheet).into_iter().enumerate() {
+                if side.is_some_and(|side| side > longest / 4 * 3) {
+                    halve(sheet, k);
+                }
+            }
+        }
     }
-    for sheet in sheets {
-        let share = room as f64 * (area(sheet) as f64 / plain as f64);
-        let factor = (share / repeated(sheet) as f64).sqrt();
-        if factor >= 1.0 {
-            continue;
-        }
-        let [mut height, mut width] =
-            [sheet.image.height, sheet.image.width].map(|n| (n as f64 * factor) as usize);
-        if height.min(width) == 0 {
-            // Repeated so often that nothing but its mean colour would be seen.
-            (height, width, sheet.repeats) = (1, 1, [1; 2]);
-        }
-        sheet.image = sheet.image.resized(height, width);
+}
+
+/// Halves the pixels along an axis; one that is repeated is the same all along.
+fn halve(sheet: &mut Sheet, k: usize) {
+    sheet.pixels[k] = (sheet.pixels[k] / 2).max(1);
+    if sheet.pixels[k] == 1 {
+        sheet.repeats[k] = 1;
     }
 }
 
@@ -216,17 +264,23 @@ fn pack(sheets: &mut [Sheet]) -> [usize; 2] {
 }
 
 /// The image of all, black between them.
-fn painted(sheets: &[Sheet], [width, height]: [usize; 2]) -> Image {
+fn painted(sheets: &[Sheet], images: &[Image], [width, height]: [usize; 2]) -> Image {
     let mut image = Image::new(height, width, 3);
     for sheet in sheets {
-        let (own, [columns, rows]) = (&sheet.image, sheet.size());
+        let ([across, down], [columns, rows]) = (sheet.pixels, sheet.size());
+        let whole = &images[sheet.image];
+        let own = if [whole.width, whole.height] == sheet.pixels {
+            Cow::Borrowed(whole)
+        } else {
+            Cow::Owned(whole.resized(down, across))
+        };
         let source =
             |k: usize, n: usize, all: usize| k.saturating_sub(MARGIN).min(all - 2 * MARGIN - 1) % n;
         for row in 0..rows {
-            let from = own.width * source(row, own.height, rows);
+            let from = across * source(row, down, rows);
             let start = (sheet.at[1] + row) * width + sheet.at[0];
             for column in 0..columns {
-                let pixel = 3 * (from + source(column, own.width, columns));
+                let pixel = 3 * (from + source(column, across, columns));
                 image.data[3 * (start + column)..][..3].copy_from_slice(&own.data[pixel..][..3]);
             }
         }
@@ -266,7 +320,7 @@ mod tests {
         let of_face = [0, 0, 2, 1, 2, 3];
         let faces = Faces { uvs: &uvs, corners: &corners, look: &of_face, looks: &looks };
         let mut budget = Limits::default().budget(0);
-        let made = atlas(&faces, images.to_vec(), &Limits::default(), &mut budget).unwrap();
+        let made = atlas(&faces, &images, &Limits::default(), &mut budget).unwrap();
         let (texture, bare) = made.unwrap();
         assert_eq!(bare, 0, "one colour needs no coordinates");
         let steps = (0..10).flat_map(|i| (0..10 - i).map(move |j| [i, j].map(|n| 0.1 * n as f32)));
@@ -307,7 +361,7 @@ mod tests {
             let uvs = [[0.0; 2], [most, 0.0], [0.0, most]];
             let faces = Faces { uvs: &uvs, corners: &[[0, 1, 2]], look: &[0], looks: &[look(0)] };
             let mut budget = limits.budget(0);
-            let made = atlas(&faces, vec![image(64, &colors)], &limits, &mut budget).unwrap();
+            let made = atlas(&faces, &[image(64, &colors)], &limits, &mut budget).unwrap();
             let (texture, _) = made.unwrap();
             assert!(texture.image.data.len() <= 3 << 21);
             assert_eq!(texture.image.width == 1 + 2 * MARGIN, flat, "{most}");
@@ -317,6 +371,40 @@ mod tests {
         let limits = Limits { max_pixels: 20, ..limits };
         let faces = Faces { uvs: &[], corners: &[[NONE; 3]], look: &[0], looks: &[look(0)] };
         let images = vec![image(1, &[RED])];
-        assert!(atlas(&faces, images, &limits, &mut limits.budget(0)).unwrap().is_none());
+        assert!(atlas(&faces, &images, &limits, &mut limits.budget(0)).unwrap().is_none());
+    }
+    /// One face with coordinates that mean nothing, or many images, makes no other coarse.
+    #[test]
+    fn what_is_repeated_takes_nothing_from_the_rest() {
+        let colors: Vec<[f32; 3]> = (0..4096).map(|k| [k as f32 / 4096.0; 3]).collect();
+        for most in [100.0, 1e9] {
+            let uvs = [[0.0; 2], [1.0, 0.0], [0.0, 1.0], [most, 0.0], [0.0, most]];
+            let corners = [[0, 1, 2], [0, 3, 4]];
+            let faces = Faces { uvs: &uvs, corners: &corners, look: &[0; 2], looks: &[look(0)] };
+            let limits = Limits { max_pixels: 1 << 20, ..Limits::default() };
+            let images = [image(64, &colors)];
+            let made = atlas(&faces, &images, &limits, &mut limits.budget(0)).unwrap();
+            let (texture, _) = made.unwrap();
+            let uvs = texture.faces[0].map(|t| texture.uvs[t as usize]);
+            let alone = Texture { uvs: vec![], faces: vec![], image: images[0].clone() };
+            let (found, expected) =
+                (texture.color(interpolate([0.4, 0.35, 0.25], &uvs)), alone.color([0.35, 0.25]));
+            assert!((found[0] - expected[0]).abs() < 1e-4, "{most}: {found:?} {expected:?}");
+        }
+    }
+
+    /// A wide image that is repeated sidewards is as wide as shelves are: it gives way until they fit, and only along its repeats.
+    #[test]
+    fn a_long_strip_beside_a_large_image_fits() {
+        let limits = Limits { max_pixels: 1 << 18, ..Limits::default() };
+        let images = [Image::new(256, 256, 3), Image::new(128, 128, 3)];
+        let uvs = [[0.0; 2], [1.0, 0.0], [0.0, 1.0], [300.0, 0.0]];
+        let corners = [[0, 1, 2], [0, 3, 2]];
+        let looks = [look(0), look(1)];
+        let faces = Faces { uvs: &uvs, corners: &corners, look: &[0, 1], looks: &looks };
+        let mut plan = Plan::new(&faces, &images);
+        let [width, height] = fit(&mut plan.sheets, &images, &limits).unwrap();
+        assert!(width * height <= 1 << 17, "{width} x {height}");
+        assert_eq!((plan.sheets[0].pixels, plan.sheets[1].pixels[1]), ([256; 2], 128));
     }
 }

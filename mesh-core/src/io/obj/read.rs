@@ -12,7 +12,7 @@ readers! {
     ///
     /// Where materials differ, one image is made of all their textures and of the colours of those without; where one texture
     /// lies on all it stays as it is. `-s` and `-o` of `map_Kd` are applied. A texture that is repeated more often than the image has room for is made
-    /// smaller.
+    /// smaller on the faces that repeat it.
     ///
     /// Vertices keep their order, used or not. Polygons become triangles. Indices may be
     /// negative, corners may be `v`, `v/vt`, `v//vn` or `v/vt/vn` in any mixture, lines may end in LF, CR
