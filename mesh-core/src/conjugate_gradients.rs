@@ -65,14 +65,24 @@ impl ConjugateGradients {
             // On a thread of the pool, lest each pass over the rows wakes one.
             if b.len() > CHUNK { threads::on_one(iterate) } else { iterate() }
         };
-        let Some(factor) = out_of_range(b, x) else { return iterate(b, x) };
+        let exponents = exponents::<S, K>(b);
+        let factors = exponents.map(f32::exp2);
+        let is_far = is_far::<S, K>(x, factors);
+        if exponents.iter().all(|&e| e == 0.0) && !is_far.contains(&true) {
+            return iterate(b, x);
+        }
         // Squares would be infinite, or zero and look as if all were solved.
-        let times = |rows: &[[f32; K]], factor: f32| -> Vec<[f32; K]> {
-            rows.iter().map(|row| row.map(|v| v * factor)).collect()
+        let times = |rows: &[[f32; K]], factors: [f32; K]| -> Vec<[f32; K]> {
+            rows.iter().map(|row| std::array::from_fn(|k| row[k] * factors[k])).collect()
         };
-        let (b, mut scaled) = (times(b, factor), times(x, factor));
+        let (b, mut scaled) = (times(b, factors), times(x, factors));
+        for k in (0..K).filter(|&k| is_far[k]) {
+            for row in &mut scaled {
+                row[k] = 0.0;
+            }
+        }
         let report = iterate(&b, &mut scaled);
-        x.copy_from_slice(&times(&scaled, factor.recip()));
+        x.copy_from_slice(&times(&scaled, factors.map(f32::recip)));
         report
     }
 
@@ -185,14 +195,29 @@ impl ConjugateGradients {
 /// Values whose squares, and those of what a solve leaves of them, are numbers.
 const RANGE: std::ops::RangeInclusive<f32> = 1e-12..=1e12;
 
-/// A power of two, which changes no digit, by which the largest value comes near one, where it is out of [`RANGE`].
-fn out_of_range<const K: usize>(b: &[[f32; K]], x: &[[f32; K]]) -> Option<f32> {
-    let values = b.iter().chain(x).flatten();
-    let largest = values.fold(0.0_f32, |most, v| if v.is_nan() { *v } else { most.max(v.abs()) });
-    if largest == 0.0 || !largest.is_finite() || RANGE.contains(&largest) {
-        return None;
+/// For each column the exponent of a power of two, which changes no digit, by which its largest value comes near one, where it is out
+/// of [`RANGE`]; one for all where columns are coupled.
+fn exponents<S: SymmetricSystem, const K: usize>(b: &[[f32; K]]) -> [f32; K] {
+    // `max` would let a NaN pass.
+    let most = |a: f32, b: f32| if a.is_nan() || b.is_nan() { f32::NAN } else { a.max(b) };
+    let mut largest: [f32; K] =
+        std::array::from_fn(|k| b.iter().map(|b| b[k].abs()).fold(0.0, most));
+    if S::COUPLED {
+        largest = [largest.into_iter().fold(0.0, most); K];
     }
-    Some((-largest.log2().floor()).clamp(-126.0, 126.0).exp2())
+    largest.map(|largest| {
+        if largest == 0.0 || !largest.is_finite() || RANGE.contains(&largest) {
+            return 0.0;
+        }
+        (-largest.log2().floor()).clamp(-126.0, 126.0)
+    })
+}
+
+/// The columns that, times these factors, begin where squares are no numbers: farther from what solves them than zero is.
+fn is_far<S: SymmetricSystem, const K: usize>(x: &[[f32; K]], factors: [f32; K]) -> [bool; K] {
+    let far = |k: usize| x.iter().any(|x| (x[k] * factors[k]).abs() > *RANGE.end());
+    let is_far = std::array::from_fn(far);
+    if S::COUPLED { [is_far.contains(&true); K] } else { is_far }
 }
 
 /// Sums by columns, as the system tells columns apart: all four are the sum of all where it does not.

@@ -283,6 +283,16 @@ mod tests {
             assert_eq!(report, plain, "{factor}");
             assert_eq!(x, times(&expected), "{factor}");
         }
+        // Each column by itself, wherever it begins.
+        let columns = [90.0_f32, -90.0, 0.0].map(f32::exp2);
+        let times = |rows: &[[f32; 3]]| -> Vec<[f32; 3]> {
+            rows.iter().map(|row| std::array::from_fn(|k| row[k] * columns[k])).collect()
+        };
+        for begin in [[0.0; 3], [0.0, 1e20, f32::INFINITY]] {
+            let mut x = vec![begin; b.len()];
+            assert_eq!(solver.solve(&times(&b), &mut x, 1e-5, 200), plain);
+            assert_eq!(x, times(&expected));
+        }
     }
 
     #[test]
