@@ -143,6 +143,26 @@ fn parts_that_show_nothing_end_too() {
     assert!(is_over_limit(&quickly(|| glb::decode(&glb_of(&json, &[]), "a.glb"))));
 }
 
+/// A million indices, each of which would be looked at for each of 200,000 clouds of points.
+#[test]
+fn indices_of_points_are_not_looked_at() {
+    let _alone = alone();
+    let list = |item: &str, count: usize| vec![item; count].join(",");
+    let json = format!(
+        "{{\"nodes\":[{}],\"meshes\":[{{\"primitives\":[{}]}}],\"accessors\":[\
+         {{\"bufferView\":0,\"componentType\":5126,\"count\":0,\"type\":\"VEC3\"}},\
+         {{\"bufferView\":1,\"componentType\":5121,\"count\":1000000,\"type\":\"SCALAR\",\"sparse\":\
+         {{\"count\":1000000,\"indices\":{{\"bufferView\":0,\"componentType\":5125}},\"values\":{{\"bufferView\":1}}}}}}],\
+         \"bufferViews\":[{{\"buffer\":0,\"byteLength\":4000000}},{{\"buffer\":0,\"byteLength\":1000000}}],\
+         \"buffers\":[{{\"byteLength\":4000000}}]}}",
+        list("{\"mesh\":0}", 2000),
+        list("{\"attributes\":{\"POSITION\":0},\"indices\":1,\"mode\":0}", 100)
+    );
+    let indices: Vec<u8> = (0..1_000_000_u32).flat_map(u32::to_le_bytes).collect();
+    let mesh = quickly(|| glb::decode(&glb_of(&json, &indices), "a.glb")).unwrap();
+    assert!(mesh.faces.is_empty());
+}
+
 #[test]
 fn empty_objects_of_json_are_counted() {
     let _alone = alone();
