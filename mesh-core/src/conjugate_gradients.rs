@@ -77,7 +77,9 @@ impl ConjugateGradients {
         };
         let (b, mut scaled) = (times(b, factors), times(x, factors));
         for k in (0..K).filter(|&k| is_far[k]) {
-            scaled.iter_mut().for_each(|row| row[k] = 0.0);
+            for row in &mut scaled {
+                row[k] = 0.0;
+            }
         }
         let report = iterate(&b, &mut scaled);
         x.copy_from_slice(&times(&scaled, factors.map(f32::recip)));

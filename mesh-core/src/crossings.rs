@@ -360,7 +360,7 @@ mod tests {
     fn boxes_whose_edges_meet_edges_cross() {
         let mut boxes = subdivide(&primitives::cuboid([2.0; 3]));
         let bar = subdivide(&primitives::cuboid([2.0, 1.0, 1.0]));
-        boxes.append(&bar.translated([1.0, 0.0, 0.0])).unwrap();
+        boxes.append(&bar.translated([1.0, 0.0, 0.0])).expect("neither has a texture");
         assert!(!boxes.self_intersections().is_empty());
         assert!(!boxes.examined().is_solid());
     }

@@ -35,14 +35,14 @@ impl ClosestPoint {
             return None;
         }
         let mut best: Option<(f64, u32, Vec3)> = None;
-        let mut open = vec![0_usize];
-        while let Some(index) = open.pop() {
-            let node = &self.nodes[index];
-            let Some(entry) = node.entry(origin, direction) else { continue };
+        let entered = |k: usize| Some((self.nodes[k].entry(origin, direction)?, k));
+        let mut open: Vec<(f64, usize)> = entered(0).into_iter().collect();
+        while let Some((entry, index)) = open.pop() {
             // Boxes are met with rounding, and of equals the lowest face counts.
             if best.is_some_and(|best| entry > best.0 * (1.0 + 1e-12)) {
                 continue;
             }
+            let node = &self.nodes[index];
             for slot in node.first as usize..node.last as usize {
                 let Some((along, weights)) = met(self.corners[slot], origin, direction) else {
                     continue;
@@ -53,13 +53,12 @@ impl ClosestPoint {
                 }
             }
             if node.first == node.last {
-                let children = [node.right as usize, index + 1];
-                let mut met = children.map(|k| (self.nodes[k].entry(origin, direction), k));
-                // The nearer is opened first: what it holds may spare the other.
-                if met[0].0 < met[1].0 {
-                    met.swap(0, 1);
+                let mut next = [node.right as usize, index + 1].map(entered);
+                // The nearer one is looked at first, for what it holds may spare the other: it is pushed last.
+                if next[0].map(|(entry, _)| entry) < next[1].map(|(entry, _)| entry) {
+                    next.swap(0, 1);
                 }
-                open.extend(met.iter().filter(|(entry, _)| entry.is_some()).map(|(_, k)| *k));
+                open.extend(next.into_iter().flatten());
             }
         }
         best.map(|(along, face, weights)| {

@@ -34,6 +34,7 @@ pub fn apart_from(views: Vec<View>, known: &[View]) -> Vec<View> {
 #[cfg(test)]
 mod tests {
     use mesh_core::ByteImage;
+    use mesh_core::nalgebra::Rotation3;
 
     use super::*;
 
@@ -69,6 +70,18 @@ mod tests {
             assert_eq!(apart_from(vec![placed(10.1)], &known).len(), 1, "{unit} {aside}");
             assert_eq!(apart_from(vec![placed(0.0)], &known[..1]).len(), 0);
             assert_eq!(apart_from(vec![placed(0.1)], &known[..1]).len(), 1);
+        }
+    }
+
+    /// By whatever axis.
+    #[test]
+    fn turns_are_compared_by_their_angle() {
+        for (angle, apart) in [(0.9 * SAME, 0), (1.1 * SAME, 1)] {
+            let mut turned = view(0.0, 8);
+            let turn = Rotation3::new(angle * Vector3::new(0.6, 0.0, 0.8)).into_inner();
+            let Camera { rotation, translation, .. } = &mut turned.camera;
+            (*rotation, *translation) = (turn * *rotation, turn * *translation);
+            assert_eq!(apart_from(vec![turned], &[view(0.0, 8)]).len(), apart, "{angle}");
         }
     }
 

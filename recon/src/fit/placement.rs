@@ -1,11 +1,10 @@
 //! Where the object is and how large, from cameras and masks alone.
 
 use datasets::View;
-use mesh_core::Ray;
 use rayon::prelude::*;
 
 use super::{error::FitError, target::Target};
-use crate::inspect::{Cone, middle_between};
+use crate::inspect::center_of_masks;
 
 /// Cells along each side of the grid that is carved.
 const GRID: usize = 48;
@@ -94,18 +93,13 @@ pub fn bounding_sphere(views: &[&View]) -> Result<([f64; 3], f64), FitError> {
         let [top, left, rows, columns] = view.mask_bounds()?.map(|n| n as f64);
         Some(view.camera.ray(left + columns / 2.0, top + rows / 2.0))
     });
-    let cones: Option<Vec<Cone>> = views
-        .iter()
-        .filter_map(|view| Some((&view.camera, view.mask_bounds()?.map(|n| n as f64))))
-        .map(|(camera, [top, left, rows, columns])| {
-            Cone::of(camera, [left, top, left + columns, top + rows])
-        })
-        .collect();
-    let between = cones.and_then(|cones| middle_between(&cones));
-    let center =
-        between.or_else(|| Ray::nearest_point(axes)).ok_or_else(|| FitError::Placement {
-            reason: "all look along one line, so the distance to the object is open".into(),
-        })?;
+    let boxes = views.iter().filter_map(|view| {
+        let [top, left, rows, columns] = view.mask_bounds()?.map(|n| n as f64);
+        Some((&view.camera, [left, top, left + columns, top + rows]))
+    });
+    let center = center_of_masks(axes, boxes).ok_or_else(|| FitError::Placement {
+        reason: "all look along one line, so the distance to the object is open".into(),
+    })?;
     let mut radius = 0.0f64;
     let mut behind = 0;
     for view in views {

@@ -5,7 +5,7 @@ use mesh_core::{MedianOfEven, Ray, VoxelGrid, median};
 use rayon::prelude::*;
 
 use super::mask_view::MaskView;
-use super::opposite::{Cone, middle_between};
+use super::opposite::center_of_masks;
 use super::partners::partners;
 
 /// Steps along a ray through the sphere that holds the object.
@@ -60,11 +60,8 @@ pub(crate) fn bounding_sphere(views: &[MaskView]) -> Option<Sphere> {
 
 fn sphere_around(views: &[MaskView]) -> Option<Sphere> {
     let boxed = MaskBoxes::of(views);
-    let cones: Option<Vec<Cone>> =
-        boxed.boxes.iter().map(|(view, bounds)| Cone::of(&view.camera, *bounds)).collect();
-    let center = cones
-        .and_then(|cones| middle_between(&cones))
-        .or_else(|| Ray::nearest_point(boxed.axes.iter().copied()))?;
+    let boxes = boxed.boxes.iter().map(|(view, bounds)| (&view.camera, *bounds));
+    let center = center_of_masks(boxed.axes.iter().copied(), boxes)?;
     // A single camera that looks elsewhere must not blow the sphere up.
     boxed.around(center, 0.9)
 }

@@ -54,7 +54,7 @@ pub(crate) use consistency::Consistency;
 pub use diagnosis::{Agreement, Problem};
 pub use error::InspectError;
 pub use lens::LensFit;
-pub(crate) use opposite::{Cone, middle_between};
+pub(crate) use opposite::center_of_masks;
 pub use page::write_report;
 pub(crate) use window::Window;
 

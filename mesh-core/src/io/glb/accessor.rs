@@ -1,8 +1,8 @@
 //! Numbers in the binary chunk.
 
 use super::component;
+use super::container::Glb;
 use super::document::{Accessor, Sparse, SparsePart};
-use super::read::Glb;
 use crate::io::ReadMeshError;
 
 /// The items of an accessor, each `size` bytes, `stride` apart; all of them are there.

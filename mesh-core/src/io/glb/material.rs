@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
+use super::container::{Glb, LeftOut};
 use super::document::{Material, TextureInfo, TextureTransform};
-use super::read::{Glb, LeftOut};
 use super::soup::Soup;
 use super::uri;
 use crate::io::open::Root;

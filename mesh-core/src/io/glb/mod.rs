@@ -1,6 +1,7 @@
 //! Binary glTF 2.0.
 
 mod accessor;
+mod container;
 mod document;
 mod material;
 mod read;

@@ -45,6 +45,13 @@ pub(super) struct Element {
     pub(super) properties: Vec<Property>,
 }
 
+impl Element {
+    /// The place of the first property with one of these names that is a number, not a list.
+    pub(super) fn number_named(&self, names: &[&str]) -> Option<usize> {
+        self.properties.iter().position(|p| names.contains(&p.name.as_str()) && p.length.is_none())
+    }
+}
+
 #[derive(Debug)]
 pub(super) struct Header {
     pub(super) format: Format,

@@ -16,11 +16,11 @@ readers! {
     ///
     /// Vertices need `x`, `y` and `z`; colours are `red`, `green`, `blue`. Integers are bytes
     /// where none is above 255, numbers of 16 bits where none is above those, or else count up to the largest of their type, which they
-    /// always do in `char` (127). Floats are bytes where all are whole and one is above 1, or else cut off at 0 and 1. Faces are `vertex_indices` or `vertex_index`, polygons become triangles;
-    /// `tristrips` are strips of triangles, which -1 ends. A texture is read where a comment
-    /// `TextureFile` names one in the file's folder or below it and vertices (`s t`, `u v` or
-    /// `texture_u texture_v`) or faces (`texcoord`) place it. Faces of one or two corners and triangles
-    /// that name a vertex twice are left out. Everything else is passed over.
+    /// always do in `char` (127). Floats are bytes where all are whole and one is above 1, or else cut off at 0 and 1. Faces are
+    /// `vertex_indices` or `vertex_index`, polygons become triangles; `tristrips` are strips of triangles, which -1 ends. A texture is
+    /// read where a comment `TextureFile` names one in the file's folder or below it and vertices (`s t`, `u v` or
+    /// `texture_u texture_v`) or faces (`texcoord`) place it. Faces of one or two corners and triangles that name a vertex twice are
+    /// left out. Everything else is passed over.
     ///
     /// # Errors
     /// The file cannot be read, ends early, or holds a number that is not finite, an index out of
@@ -180,12 +180,7 @@ fn vertices(
     budget: &mut Budget,
 ) -> Result<(), ReadMeshError> {
     let over = ReadMeshError::over_limit(numbers.path);
-    let find = |names: &[&str]| {
-        element
-            .properties
-            .iter()
-            .position(|p| names.contains(&p.name.as_str()) && p.length.is_none())
-    };
+    let find = |names: &[&str]| element.number_named(names);
     let [Some(x), Some(y), Some(z)] = [find(&["x"]), find(&["y"]), find(&["z"])] else {
         let names: Vec<&str> = element.properties.iter().map(|p| p.name.as_str()).collect();
         return Err(ReadMeshError::malformed(
