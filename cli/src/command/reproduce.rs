@@ -124,30 +124,48 @@ fn one(
     order: &Order<'_>,
     out: &Path,
 ) -> Result<(), Failure> {
-    let made = if let Some(from) = &arguments.report {
-        // Other results that are there would no longer be those of the page beside them.
-        if !is_of(from, out) {
-            refuse_existing(
-                &["table.md", "report.html"].map(|name| out.join(name)),
-                arguments.force,
-            )?;
-        }
-        let made = remake(study, from, out).map_err(failed)?;
-        // Nothing is there that five seeds could be added to.
-        let made = Reproduced { close: Vec::new(), ..made };
-        return tell(console, study, out, &made);
+    if let Some(from) = &arguments.report {
+        remade(console, study, from, out, arguments.force)
     } else if arguments.merge.is_empty() {
-        return make(console, &listen()?, study, order, out);
+        make(console, &listen()?, study, order, out)
     } else {
-        merge(study, &arguments.merge, out, order).map_err(failed)?
-    };
+        merged(console, study, &arguments.merge, order, out)
+    }
+}
+
+/// Table and page of results that are there.
+fn remade(
+    console: Console,
+    study: &'static dyn Study,
+    from: &Path,
+    out: &Path,
+    force: bool,
+) -> Result<(), Failure> {
+    // Other results that are there would no longer be those of the page beside them.
+    if !is_of(from, out) {
+        refuse_existing(&["table.md", "report.html"].map(|name| out.join(name)), force)?;
+    }
+    let made = remake(study, from, out).map_err(failed)?;
+    // Nothing is there that five seeds could be added to.
+    tell(console, study, out, &Reproduced { close: Vec::new(), ..made })
+}
+
+/// Table and page of what several processes made.
+fn merged(
+    console: Console,
+    study: &'static dyn Study,
+    folders: &[PathBuf],
+    order: &Order<'_>,
+    out: &Path,
+) -> Result<(), Failure> {
+    let made = merge(study, folders, out, order).map_err(failed)?;
     tell(console, study, out, &made)?;
     if made.left == 0 {
         return Ok(());
     }
     let left = format!(
-        "{} left, and nothing is judged: merge the other shares too, and say --seeds and --seed as they did",
-        counted_jobs(made.left)
+        "{} missing, and nothing is judged: merge the other shares too, and say --seeds and --seed as they did",
+        counted(made.left, "job")
     );
     // An answer that can stand in CI.
     if made.scale == Scale::Quick {
@@ -162,10 +180,6 @@ fn is_of(from: &Path, out: &Path) -> bool {
     let results = if from.is_dir() { from.join("results.json") } else { from.to_owned() };
     let place = |path: &Path| path.canonicalize().ok();
     place(&results).is_some_and(|path| Some(path) == place(&out.join("results.json")))
-}
-
-fn counted_jobs(count: usize) -> String {
-    if count == 1 { "1 job is".to_owned() } else { format!("{count} jobs are") }
 }
 
 /// Where results go if nobody says where.

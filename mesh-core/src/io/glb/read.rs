@@ -25,7 +25,7 @@ readers! {
     /// # Errors
     /// The file cannot be read, is no GLB 2.0, needs an extension that changes its geometry
     /// (compression), keeps its geometry in other files, or holds an index or a length out of range, or a
-    /// position that is not finite; or the default [`Limits`] are not enough.
+    /// position that is not finite; or the default [`Limits`](crate::Limits) are not enough.
     read,
     /// The mesh in the bytes of a GLB file.
     decode,
