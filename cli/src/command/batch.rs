@@ -9,7 +9,7 @@ use recon::verdict::Grade;
 use serde::Serialize;
 use serde_json::{Map, Value};
 use train::output::{
-    LockError, OutputError, OutputFolder, disk, lock_folder, remove_within, write_within,
+    Lock, LockError, OutputError, OutputFolder, disk, lock_folder, remove_within, write_within,
 };
 use train::report::counted;
 use train::{Shard, settings};
@@ -86,7 +86,7 @@ pub(crate) fn run(
     batch.refuse_others_files()?;
     batch.refuse_other_settings()?;
     batch.refuse_other_entries()?;
-    batch.refuse_other_reading()?;
+    batch.refuse_other_reading(console)?;
     let fitted = batch.fit(console, shard);
     // Of what is finished, also where the rest was stopped.
     let summary = batch.summarise(console)?;
@@ -202,7 +202,9 @@ impl Batch<'_> {
     }
 
     /// The same for how views are read, which the folder keeps beside its objects.
-    fn refuse_other_reading(&self) -> Result<(), Failure> {
+    fn refuse_other_reading(&self, console: Console) -> Result<(), Failure> {
+        // The tasks of an array begin at once, and all write it.
+        let _lock = self.lock(console)?;
         let asked = around_the_object(&self.arguments.reading);
         // A path that is no text cannot be kept, and is not compared.
         let Ok(mut asked) = serde_json::to_value(&asked) else { return Ok(()) };
@@ -316,10 +318,21 @@ impl Batch<'_> {
 
     /// Writes table and page of all that is there, by whichever process it was made: the last one to end writes all of it.
     fn summarise(&self, console: Console) -> Result<Summary, Failure> {
+        let lock = self.lock(console)?;
+        let summary = Summary::of(&self.list, &self.folder);
+        if lock.is_some() {
+            self.note(TABLE, summary.csv().as_bytes())?;
+            self.note(PAGE, summary.html().as_bytes())?;
+        }
+        Ok(summary)
+    }
+
+    /// The folder's own files for this process alone; nothing where another has them for too long.
+    fn lock(&self, console: Console) -> Result<Option<Lock>, Failure> {
         let start = Instant::now();
-        let lock = loop {
+        loop {
             match lock_folder(&self.folder) {
-                Ok(lock) => break Some(lock),
+                Ok(lock) => return Ok(Some(lock)),
                 Err(LockError::Io(error)) => {
                     let path = self.folder.display();
                     return Err(Failure::Other(format!("cannot lock {path}: {error}")));
@@ -328,17 +341,11 @@ impl Batch<'_> {
                     console.warn(format_args!(
                         "{holder} holds the summary; the same command writes it anew"
                     ));
-                    break None;
+                    return Ok(None);
                 }
                 Err(LockError::Busy(_)) => std::thread::sleep(Duration::from_millis(50)),
             }
-        };
-        let summary = Summary::of(&self.list, &self.folder);
-        if lock.is_some() {
-            self.note(TABLE, summary.csv().as_bytes())?;
-            self.note(PAGE, summary.html().as_bytes())?;
         }
-        Ok(summary)
     }
 
     fn note(&self, name: &str, bytes: &[u8]) -> Result<(), Failure> {

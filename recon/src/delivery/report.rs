@@ -12,9 +12,8 @@ use crate::evaluate::ViewScores;
 use crate::scene::scene_of;
 use crate::verdict::Assessment;
 
-/// What the steps' terms are.
-const LOSSES: &str =
-    "Distance of outlines to masks (silhouette, pixels, root mean square), and bending energy";
+/// What the steps' terms are. A longer title is cut.
+const LOSSES: &str = "Outlines to masks (pixels, RMS), bending energy";
 
 pub(super) fn report(delivery: &Delivery<'_>, metrics: &Metrics, views: Vec<ViewPair>) -> Report {
     let fitted = delivery.fitted;
