@@ -121,6 +121,33 @@ fn two_shards_of_which_one_was_killed_are_one_process() {
     run(&format!("{batch} -o one {TINY}")).fails(2, &["a_2", "compared with a true mesh"]);
 }
 
+/// Tasks of a job array begin in the same moment, and all write what the folder keeps of them.
+#[test]
+fn tasks_may_begin_at_once() {
+    let place = tempfile::tempdir().unwrap();
+    let list: String = (0..4).map(|k| format!("none/{k}\n")).collect();
+    std::fs::write(place.path().join("list.txt"), list).unwrap();
+    for round in 0..5 {
+        let begin = |shard: u32| {
+            let line = format!("fit --batch list.txt -o {round} --shard {shard}/4 {TINY}");
+            Command::new(env!("CARGO_BIN_EXE_unsphere"))
+                .args(line.split(' '))
+                .current_dir(place.path())
+                .stdout(Stdio::null())
+                .stderr(Stdio::piped())
+                .spawn()
+                .unwrap()
+        };
+        let tasks: Vec<_> = (1..=4).map(begin).collect();
+        for task in tasks {
+            // There is nothing to fit, and nothing else to complain of.
+            let said = task.wait_with_output().unwrap().stderr;
+            let said = String::from_utf8(said).unwrap();
+            assert!(said.contains("1 object could not be fitted"), "{said}");
+        }
+    }
+}
+
 #[test]
 fn an_object_that_cannot_be_fitted_stops_no_other() {
     let place = tempfile::tempdir().unwrap();
