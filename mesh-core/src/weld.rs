@@ -9,8 +9,8 @@ impl TriMesh {
     /// The mesh with vertices within `tolerance` of an earlier one made that one: what was cut apart at seams, or is the corners of
     /// triangles each on its own, is joined. 0 joins those at the same place.
     ///
-    /// Faces that then name a vertex twice are left out. A vertex that is not finite stays as it is; any other keeps the place and the colour of the first; texture
-    /// coordinates are those of faces and stay. Vertices of no face stay too.
+    /// Faces that then name a vertex twice are left out. A vertex that is not finite stays as it is; any other keeps the place and
+    /// the colour of the first; texture coordinates are those of faces and stay. Vertices of no face stay too.
     ///
     /// ```
     /// use mesh_core::{TriMesh, primitives};
