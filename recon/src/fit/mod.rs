@@ -70,6 +70,7 @@ mod planes;
 mod prior;
 mod quality;
 mod refine;
+mod samples;
 mod selection;
 mod settle;
 mod shape;

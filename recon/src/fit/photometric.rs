@@ -4,8 +4,6 @@
 //! [`stereo`], and the surface moves along its normals until it lies where the views see it; outlines and the bending
 //! energy hold it as before.
 
-use std::sync::Arc;
-
 use datasets::View;
 use diff_raster::Faces;
 use mesh_core::vector::dot;
@@ -15,7 +13,8 @@ use serde::Serialize;
 
 use super::config::FitConfig;
 use super::error::FitError;
-use super::gray_image::{Drawn, GrayImage};
+use super::gray_image::GrayImage;
+use super::samples::{Sample, Samples};
 use super::shape::Shape;
 use super::stereo::{self, DepthMap};
 use super::target::Target;
@@ -192,9 +191,11 @@ fn follow(
 ) -> Result<(), FitError> {
     let all: Vec<usize> = (0..seen.targets.len()).collect();
     let drawn = Faces::of_valid(shape.positions.len(), &shape.faces);
+    let mut samples = Samples::new(seen.images, drawn);
     let mut distances = Vec::with_capacity(stage.steps);
     for k in 0..stage.steps {
-        let (pulls, distance) = seen.pulls(&shape.positions, &shape.faces, &drawn, stage.sure);
+        let samples = samples.at(&shape.positions, seen.images, seen.maps);
+        let (pulls, distance) = seen.pulls(samples, &shape.positions, &shape.faces, stage.sure);
         let stays = |before: f64| distance > (1.0 - TOLERANCE) * before;
         let before = k.checked_sub(WINDOW).map(|before| distances[before]);
         if before.is_some_and(stays) || cancelled() {
@@ -217,26 +218,30 @@ impl Seen<'_> {
     /// its normals; and the mean distance.
     fn pulls(
         &self,
+        samples: &[Vec<Sample>],
         positions: &[[f32; 3]],
         faces: &[[u32; 3]],
-        drawn: &Arc<Faces>,
         sure: f32,
     ) -> (Vec<[f32; 3]>, f64) {
         let of_faces = face_normals(positions, faces);
         let of_vertices = vertex_normals(positions, faces);
         let views: Vec<usize> = (0..self.maps.len()).collect();
         let part = |views: &[usize]| {
-            let (mut sight, mut sums) = (Drawn::default(), vec![0.0; positions.len()]);
-            let mut distance = [0.0; 2];
+            let (mut sums, mut distance) = (vec![0.0; positions.len()], [0.0; 2]);
             for &view in views {
-                self.images[view].draw(positions, drawn, &mut sight);
-                self.off(view, &sight, &of_faces, |face, shares, scale, off| {
+                for sample in &samples[view] {
+                    let corners = faces[sample.face as usize];
+                    let point = sample.point(corners.map(|v| positions[v as usize]));
+                    let (pixel, normal) = (sample.pixel as usize, of_faces[sample.face as usize]);
+                    let Some((scale, off)) = self.off(view, pixel, point, normal) else {
+                        continue;
+                    };
                     distance = [distance[0] + f64::from(off.abs()), distance[1] + 1.0];
                     let pull = scale * (off.abs() - sure).clamp(0.0, FARTHEST).copysign(off);
-                    for (v, share) in faces[face].into_iter().zip(shares) {
+                    for (v, share) in corners.into_iter().zip(sample.shares()) {
                         sums[v as usize] += share * pull;
                     }
-                });
+                }
             }
             (sums, distance)
         };
@@ -249,31 +254,23 @@ impl Seen<'_> {
         (pulls, sum / count.max(1.0))
     }
 
-    /// Of each pixel of a view that has a depth and sees the mesh: the face, the corners' shares, what a movement of the face along
-    /// its normal counts in pixels, and how far it is too near, in pixels.
+    /// What a movement of a point along its normal counts in pixels, and how far it is nearer than its pixel's depth, in pixels; nothing
+    /// of what is seen at a slant.
     fn off(
         &self,
         view: usize,
-        drawn: &Drawn,
-        normals: &[[f32; 3]],
-        mut visit: impl FnMut(usize, [f32; 3], f32, f32),
-    ) {
-        let image = &self.images[view];
+        pixel: usize,
+        point: [f32; 3],
+        normal: [f32; 3],
+    ) -> Option<(f32, f32)> {
+        let (image, depth) = (&self.images[view], self.maps[view][pixel]);
         let w = image.size[0];
-        let per_depth = 1.0 / image.depth_per_unit();
-        let known = self.maps[view].iter().enumerate().filter(|(_, depth)| !depth.is_nan());
-        for (pixel, &depth) in known {
-            let Some((face, there)) = drawn.at(pixel) else { continue };
-            let towards = image.towards((pixel % w) as f32 + 0.5, (pixel / w) as f32 + 0.5);
-            let facing = dot(towards, normals[face as usize]);
-            if facing < SLANT {
-                continue;
-            }
-            let scale = self.targets[view].pixels_per_unit(there);
-            let shares = std::array::from_fn(|k| drawn.fragments.barycentric[3 * pixel + k]);
-            let off = facing * (depth - there) * per_depth * scale;
-            visit(face as usize, shares, facing * scale, off);
-        }
+        let towards = image.towards((pixel % w) as f32 + 0.5, (pixel / w) as f32 + 0.5);
+        let facing = dot(towards, normal);
+        let there = image.homogeneous(point)[2];
+        let scale = self.targets[view].pixels_per_unit(there);
+        let off = facing * (depth - there) / image.depth_per_unit() * scale;
+        (facing >= SLANT).then_some((facing * scale, off))
     }
 }
 
@@ -287,6 +284,7 @@ mod tests {
 
     use super::*;
     use crate::fit::distance::Blur;
+    use crate::fit::gray_image::Drawn;
 
     #[test]
     fn who_cancels_does_not_wait_for_depths() {
@@ -340,7 +338,9 @@ mod tests {
         let pulled = |radius: f32| {
             let maps = depths(radius);
             let seen = Seen { targets: &targets, images: &images, maps: &maps };
-            seen.pulls(&ball.positions, &ball.faces, &faces, 0.0)
+            let mut samples = Samples::new(&images, faces.clone());
+            let samples = samples.at(&ball.positions, &images, &maps);
+            seen.pulls(samples, &ball.positions, &ball.faces, 0.0)
         };
         let (pulls, distance) = pulled(0.9);
         let scale = targets[0].pixels_per_unit(3.0);
