@@ -176,7 +176,10 @@ impl<'a> Checkpoint<'a> {
                 .into());
         }
         arrays.load_matching("", system);
-        Ok(Inherited { taken, fresh: missing, unused: unexpected })
+        let is_taken = |name: &&str| unexpected.iter().all(|other| other != name);
+        let first = |name: &str| name.split('.').next().unwrap_or(name).to_owned();
+        let parts = arrays.names().filter(is_taken).map(first).collect();
+        Ok(Inherited { taken, fresh: missing, unused: unexpected, parts })
     }
 
     /// What is given away of a training: the weights that predict, in half precision, with the configuration and a model card,

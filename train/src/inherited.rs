@@ -14,15 +14,16 @@ pub struct Inherited {
     pub fresh: Vec<String>,
     /// What the checkpoint has and the system does not.
     pub unused: Vec<String>,
+    /// First names of the arrays that it has from there.
+    #[serde(skip)]
+    pub parts: BTreeSet<String>,
 }
 
 impl Inherited {
-    /// Whether a part of the model, by the first names of its arrays, has learned before: none of it begins at random.
-    pub fn is_whole(&self, part: &str) -> bool {
-        let of_it = |name: &String| {
-            name.strip_prefix(part).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
-        };
-        !self.fresh.iter().any(of_it)
+    /// Whether it has any array of a part of the model, by their first name, from there: then what is learned of that part stays, and
+    /// files of weights are for others.
+    pub fn has(&self, part: &str) -> bool {
+        self.parts.contains(part)
     }
 
     /// What a user should know of it, a sentence each; nothing where all was taken.
@@ -58,9 +59,6 @@ mod tests {
         let said = Inherited { fresh, ..Inherited::default() }.remarks();
         assert_eq!(said.len(), 1);
         assert!(said[0].ends_with(": fc, stages.10, stages.2, w"), "{said:?}");
-        let begun = ["fc", "fc.weight", "fcs.weight"].map(|name| vec![name.to_owned()]);
-        let whole = begun.map(|fresh| Inherited { fresh, ..Inherited::default() }.is_whole("fc"));
-        assert_eq!(whole, [false, false, true]);
         assert_eq!(Inherited::default().remarks(), Vec::<String>::new());
     }
 }

@@ -65,7 +65,7 @@ pub trait System: Module<f32> + Send + Sync + Sized {
     /// Called once on a fresh system: takes over what the data decides, its scale or statistics,
     /// into parameters that are not trained, so that checkpoints have it; and reads the files of
     /// weights that its configuration names. What was learned by the training that it
-    /// [begins with](super::Job::from) stays: see [`Inherited::is_whole`].
+    /// [begins with](super::Job::from) stays: see [`Inherited::has`].
     ///
     /// # Errors
     /// If such a file is damaged or does not fit.

@@ -333,7 +333,7 @@ impl<B: MeshInit> System for Refined<B> {
         _: &Scenes,
         inherited: Option<&Inherited>,
     ) -> Result<(), DataError> {
-        let begins = inherited.is_none_or(|i| !i.is_whole("encoder"));
+        let begins = inherited.is_none_or(|i| !i.has("encoder"));
         if let Some(path) = self.refine().weights.clone().filter(|_| begins) {
             let loaded = self.encoder.load(&path);
             loaded.map_err(unusable)?;

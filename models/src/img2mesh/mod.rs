@@ -262,7 +262,7 @@ impl System for Img2Mesh {
             frame[..3].fill(0.0);
         }
         self.model.frame.as_slice_mut().copy_from_slice(&frame);
-        let begins = inherited.is_none_or(|i| !i.is_whole("encoder"));
+        let begins = inherited.is_none_or(|i| !i.has("encoder"));
         if let Some(path) = self.config.weights.as_ref().filter(|_| begins) {
             let loaded = self.model.encoder.load(path);
             loaded.map_err(unusable)?;

@@ -305,8 +305,11 @@ fn pretrained_weights_are_loaded_and_frozen_ones_stay() {
     let mut fresh = Img2Mesh::new(&config.system, 0);
     let error = fresh.init_from_data(&data, None).unwrap_err().to_string();
     assert!(error.contains("vgg16.safetensors"), "{error}");
-    // Nor does one that begins with its weights.
-    fresh.init_from_data(&data, Some(&train::Inherited::default())).unwrap();
+    // Nor does one that begins with weights of its encoder, but with others it does.
+    let mut inherited = train::Inherited::default();
+    fresh.init_from_data(&data, Some(&inherited)).unwrap_err();
+    inherited.parts.insert("encoder".into());
+    fresh.init_from_data(&data, Some(&inherited)).unwrap();
 }
 
 /// Features that are kept give the same bits as an encoder that is run each time.

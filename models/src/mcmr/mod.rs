@@ -243,7 +243,7 @@ impl System for Mcmr {
         data: &Data,
         inherited: Option<&Inherited>,
     ) -> Result<(), DataError> {
-        let begins = |part: &str| inherited.is_none_or(|i| !i.is_whole(part));
+        let begins = |part: &str| inherited.is_none_or(|i| !i.has(part));
         if begins("viewpoint") {
             self.camera_begins_at(data)?;
         }

@@ -267,7 +267,7 @@ impl<D: Deformer> System for SingleView<D> {
         data: &Pairs,
         inherited: Option<&Inherited>,
     ) -> Result<(), DataError> {
-        if inherited.is_some_and(|i| i.is_whole("viewpoint")) {
+        if inherited.is_some_and(|i| i.has("viewpoint")) {
             return Ok(());
         }
         self.camera_begins_at(data)

@@ -92,6 +92,7 @@ fn a_training_begins_with_the_weights_of_another() {
     assert_eq!(weights(&outcome.unwrap().system), weights(&trained.system));
     let inherited = inherited.unwrap();
     assert_eq!((inherited.taken, inherited.remarks()), (6, Vec::new()));
+    assert!(inherited.has("hidden") && !inherited.has("hid") && !inherited.has("encoder"));
     // Other shapes are an error that names them.
     let wider = config(|c| c.system.hidden = 16);
     let (outcome, _) = begun_with(&from, &place.path().join("third"), &wider);

@@ -28,7 +28,7 @@ fn shared_step() -> Step {
 /// Each event, with and without what it may lack, and how the table calls it.
 fn all() -> Vec<(&'static str, Event)> {
     let facts = Facts::from([("vertices", 42.0)]);
-    let inherited = Inherited { taken: 2, fresh: vec!["head".into()], unused: Vec::new() };
+    let inherited = Inherited { taken: 2, fresh: vec!["head".into()], ..Inherited::default() };
     let metrics = vec![Metric::larger("mask_iou", 0.75).of_objects(vec![("a".into(), 0.75)])];
     let told = Box::new(Event::Warned { text: "inside".into() });
     let saved = Event::Saved { step: 3, path: "run/last.safetensors".into() };
