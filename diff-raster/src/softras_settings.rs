@@ -1,5 +1,7 @@
 //! How SoftRas draws.
 
+use crate::Instructions;
+
 /// Size of the image and the two temperatures of SoftRas.
 ///
 /// ```
@@ -33,6 +35,8 @@ pub struct SoftRasSettings {
     /// Whether colours of vertices are interpolated as a perspective camera sees them. Depth is so
     /// in any case.
     pub perspective: bool,
+    /// Which instructions to use; every choice gives the same images up to rounding.
+    pub instructions: Instructions,
 }
 
 impl SoftRasSettings {
@@ -58,6 +62,7 @@ impl SoftRasSettings {
             background: 1e-3,
             background_color: Vec::new(),
             perspective: false,
+            instructions: Instructions::Best,
         }
     }
 

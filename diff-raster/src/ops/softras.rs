@@ -56,8 +56,8 @@ pub enum Paint<'t, F: Real = f32> {
 /// To all coordinates of `projected` and to the paint. Kinks where the nearest edge of a pixel or the
 /// corner of a face that it is beyond changes; jumps of `least` where a face's reach ends.
 /// # Cost
-/// Each face at each pixel of its enlarged box, forward and backward, on one lane: a few times
-/// [`interpolate`](crate::interpolate).
+/// Each face at each pixel of its enlarged box, forward and backward, a vector of a row at a time: a few times
+/// [`interpolate`](crate::interpolate). A gradient reads the image's planes again, `4 (2 C + 5)` bytes a pixel.
 /// # Panics
 /// If a shape does not fit.
 /// # References

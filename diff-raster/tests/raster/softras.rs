@@ -6,7 +6,7 @@ use crate::common::{Scene, scenes, weights};
 use autodiff_lite::testkit::{Options, check};
 use autodiff_lite::{Real, Tape, Var};
 use diff_raster::reference::{self, Colored};
-use diff_raster::{Faces, Paint, SoftRas, SoftRasSettings, softras, texel_centers};
+use diff_raster::{Faces, Instructions, Paint, SoftRas, SoftRasSettings, softras, texel_centers};
 use ndarray::{Array3, ArrayD, IxDyn};
 use proptest::prelude::*;
 
@@ -45,11 +45,20 @@ fn painted<F: Real>(x: Option<Var<'_, F>>) -> Option<Paint<'_, F>> {
 
 /// The image and both gradients.
 fn draw<F: Real>(scene: &Scene, settings: &SoftRasSettings, kind: usize) -> [Vec<f64>; 3] {
-    let renderer = SoftRas::new(&scene.faces, settings);
+    let renderer = SoftRas::<F>::new(&scene.faces, settings);
+    drawn(&renderer, &scene.positions.clone().into_dyn(), paint(scene, kind).as_ref())
+}
+
+/// The same of any faces.
+fn drawn<F: Real>(
+    renderer: &Arc<SoftRas<F>>,
+    positions: &ArrayD<f64>,
+    paint: Option<&ArrayD<f64>>,
+) -> [Vec<f64>; 3] {
     let tape = Tape::<F>::train(0);
-    let projected = tape.leaf(scene.positions.mapv(F::from_f64));
-    let colors = paint(scene, kind).map(|x| tape.leaf(x.mapv(F::from_f64)));
-    let image = softras(projected, painted(colors), &renderer);
+    let projected = tape.leaf(positions.mapv(F::from_f64));
+    let colors = paint.map(|x| tape.leaf(x.mapv(F::from_f64)));
+    let image = softras(projected, painted(colors), renderer);
     let seed = array(&image.shape()).mapv(F::from_f64);
     let gradients = image.backward_with(seed);
     let plain = |x: ArrayD<F>| x.iter().map(|&x| Real::to_f64(x)).collect();
@@ -112,6 +121,42 @@ proptest! {
         let near = one[0].iter().zip(&exact[0]).filter(|(a, b)| (*a - *b).abs() < 1e-3).count();
         // A pixel on an edge or at the end of a reach may fall to either side.
         prop_assert!(near * 100 >= one[0].len() * 97, "{near} of {}", one[0].len());
+    }
+}
+
+/// Vectors end beyond a face, a row and an image: an image of a width that no vector divides, faces of some
+/// pixels and of all, and as many channels as there may be.
+#[test]
+fn every_instruction_set_draws_the_same() {
+    let mesh = mesh_core::primitives::icosphere(2);
+    let count = mesh.positions.len();
+    let faces = Arc::new(Faces::of(&mesh).unwrap());
+    let positions = ArrayD::from_shape_fn(IxDyn(&[2, count, 3]), |at| {
+        let [x, y, z] = mesh.positions[at[1]].map(f64::from);
+        let depth = 4.0 - if at[0] == 0 { z } else { -y };
+        [3.4 * x / depth + 0.0137, 3.4 * (if at[0] == 0 { y } else { z }) / depth - 0.0071, depth]
+            [at[2]]
+    });
+    let paints = [None, Some(array(&[2, count, 5])), Some(array(&[2, faces.len(), 9, 1]))];
+    for paint in paints {
+        let draw = |instructions| {
+            let settings = SoftRasSettings {
+                sigma: 1e-3,
+                gamma: 1e-2,
+                instructions,
+                ..SoftRasSettings::new(45, 37)
+            };
+            drawn::<f32>(&SoftRas::new(&faces, &settings), &positions, paint.as_ref())
+        };
+        let settings = SoftRasSettings { sigma: 1e-3, gamma: 1e-2, ..SoftRasSettings::new(45, 37) };
+        let exact = drawn::<f64>(&SoftRas::new(&faces, &settings), &positions, paint.as_ref());
+        for instructions in [Instructions::Best, Instructions::Avx2, Instructions::Scalar] {
+            for (what, (found, exact)) in draw(instructions).iter().zip(&exact).enumerate() {
+                let norm = exact.iter().map(|x| x * x).sum::<f64>();
+                let off = found.iter().zip(exact).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
+                assert!(off <= 1e-10 * norm, "{what} by {instructions:?}: {off} of {norm}");
+            }
+        }
     }
 }
 

@@ -3,11 +3,21 @@
 use autodiff_lite::Real;
 use autodiff_lite::kernels::parallel::{InParts, Parts};
 
-use super::face::{Constants, Ready, SUM_GUARD, Shown, Touch};
-use super::state::{ImageState, State};
-use super::{CHUNK, Colors, Scene, Sources};
+use super::face::{Constants, FaceRow, Ready, Shown, Touch, vanishing_exp};
+use super::source::Source;
+use super::state::{ImageState, Layout, State};
+use super::{CHUNK, CLEAR, Colors, PEAK, Scene, TOTAL};
 use crate::SoftRas;
+use crate::kernels::distance::nearest;
 use crate::kernels::gather::gather;
+use crate::kernels::lanes::{Job, Lanes, MAX_LANES, dispatch, three};
+use crate::kernels::setup::BAND_ROWS;
+
+/// Planes of a pixel's part in the gradient, before those of the channels, which hold `∂L/∂C / Σ W`:
+/// `∂L/∂A Π (1 - D)`, and the product of that of the channels with the pixel's colour.
+const ALPHA: usize = 0;
+const MEAN: usize = 1;
+const PULLS: usize = 2;
 
 /// The gradients of [`softras`](super::softras), added to `of_projected [N, V, 3]` and `of_colors` (the shape of the
 /// colours; empty if nobody wants it).
@@ -25,7 +35,7 @@ pub fn softras_grad<F: Real>(
     of_projected: &mut [F],
     of_colors: &mut [F],
 ) {
-    let scene = Scene::new(renderer, colors, channels);
+    let scene = Scene { renderer, colors, channels };
     let pixels = renderer.settings.height * renderer.settings.width * (channels + 1);
     let positions = 3 * renderer.faces.vertex_count();
     let wanted = !of_colors.is_empty();
@@ -45,8 +55,46 @@ pub fn softras_grad<F: Real>(
     let batch = states.zip(of_projected.par_chunks_mut(positions));
     batch.enumerate().for_each(|(n, ((state, of_colors), out))| {
         let range = pixels * n..pixels * (n + 1);
-        let planes = [&images[range.clone()], &grad[range]];
-        pull_image(&scene, scene.colors_of(n), state, planes, of_colors, out);
+        weigh_pixels(&scene, state, [&images[range.clone()], &grad[range]]);
+        pull_image(&scene, scene.colors_of(n), state, of_colors, out);
+    });
+}
+
+impl<F: Real> Scene<'_, F> {
+    /// The planes of pixels' parts in the gradient.
+    fn pulls(&self) -> Layout {
+        Layout::new(PULLS + self.channels, self.renderer.settings.width)
+    }
+}
+
+/// What the gradient of each face needs to know of a pixel.
+fn weigh_pixels<F: Real>(
+    scene: &Scene<'_, F>,
+    state: &mut ImageState<F>,
+    [images, grad]: [&[F]; 2],
+) {
+    let (settings, c) = (&scene.renderer.settings, scene.channels);
+    let (sums, pulls) = (scene.sums(), scene.pulls());
+    state.pulls.resize(pulls.len(settings.height), F::zero());
+    let bands = state.pulls.par_chunks_mut(pulls.band()).zip(state.sums.par_chunks(sums.band()));
+    bands.enumerate().for_each(|(band, (to, from))| {
+        let first = band * BAND_ROWS;
+        for row in 0..BAND_ROWS.min(settings.height - first) {
+            for column in 0..settings.width {
+                let at = ((first + row) * settings.width + column) * (c + 1);
+                let (image, grad) = (&images[at..=at + c], &grad[at..=at + c]);
+                let at = row * sums.stride() + column;
+                let scale = F::one() / from[at + TOTAL * sums.plane()];
+                let mut mean = F::zero();
+                for channel in 0..c {
+                    let pull = grad[channel] * scale;
+                    mean += pull * image[channel];
+                    to[at + (PULLS + channel) * pulls.plane()] = pull;
+                }
+                to[at + ALPHA * pulls.plane()] = grad[c] * from[at + CLEAR * sums.plane()];
+                to[at + MEAN * pulls.plane()] = mean;
+            }
+        }
     });
 }
 
@@ -54,11 +102,10 @@ fn pull_image<F: Real>(
     scene: &Scene<'_, F>,
     colors: &[F],
     state: &mut ImageState<F>,
-    planes: [&[F]; 2],
     of_colors: &mut [F],
     out: &mut [F],
 ) {
-    let ImageState { faces, sums, grads, of_corners, .. } = state;
+    let ImageState { faces, sums, pulls, grads, of_corners, .. } = state;
     let c = scene.channels;
     grads.resize(faces.len(), [F::zero(); 9]);
     // Each face has colours of its own, or a copy for each of its corners.
@@ -75,20 +122,18 @@ fn pull_image<F: Real>(
         Colors::Vertices(_) => &mut *of_corners,
         Colors::Texels(..) => &mut *of_colors,
     };
-    let pull = |first: usize, grads: &mut [[F; 9]], per_face: &mut [F]| {
-        for (i, grads) in grads.iter_mut().enumerate() {
-            let face = first + i;
-            let wanted = if per_face.is_empty() { 0..0 } else { i * own..(i + 1) * own };
-            *grads =
-                pull_face(scene, colors, (face, &faces[face]), sums, planes, &mut per_face[wanted]);
-        }
+    let arch = scene.renderer.settings.instructions.arch();
+    let pull = |chunk: usize, grads: &mut [[F; 9]], own: &mut [F]| {
+        let first = chunk * CHUNK;
+        let faces = &faces[first..first + grads.len()];
+        dispatch(arch, Pull { scene, colors, faces, first, planes: [sums, pulls], grads, own });
     };
     if per_face.is_empty() || own == 0 {
         let chunks = grads.par_chunks_mut(CHUNK).enumerate();
-        chunks.for_each(|(i, grads)| pull(i * CHUNK, grads, &mut []));
+        chunks.for_each(|(i, grads)| pull(i, grads, &mut []));
     } else {
         let chunks = grads.par_chunks_mut(CHUNK).zip(per_face.par_chunks_mut(CHUNK * own));
-        chunks.enumerate().for_each(|(i, (grads, own))| pull(i * CHUNK, grads, own));
+        chunks.enumerate().for_each(|(i, (grads, own))| pull(i, grads, own));
     }
     let (all, grads, of_corners) = (scene.renderer.faces.as_ref(), &*grads, &*of_corners);
     gather(all, 3, out, |corner| Some(&grads[corner as usize / 3][corner as usize % 3 * 3..][..3]));
@@ -97,112 +142,224 @@ fn pull_image<F: Real>(
     }
 }
 
-/// The gradient of a face's corners `x y z x y z x y z`; that of its colours is added to `own`.
-fn pull_face<F: Real>(
-    scene: &Scene<'_, F>,
-    colors: &[F],
-    (face, ready): (usize, &Ready<F>),
-    sums: &[[F; 3]],
-    [images, grad]: [&[F]; 2],
-    own: &mut [F],
-) -> [F; 9] {
-    let (k, c) = (&scene.constants, scene.channels);
-    let (width, centers) = (scene.renderer.settings.width, &scene.renderer.centers);
-    let (zero, one) = (F::zero(), F::one());
-    let mut out = [zero; 9];
-    let rows = ready.pixels.rows.map(|r| r as usize);
-    let columns = ready.pixels.columns.map(|c| c as usize);
-    for row in rows[0]..rows[1] {
-        let y = centers.row(row);
-        for column in columns[0]..columns[1] {
-            let Some(touch) = ready.touch(k, centers.x[column], y) else { continue };
-            let at = row * width + column;
-            let [clear, peak, total] = sums[at];
-            let g = &grad[at * (c + 1)..(at + 1) * (c + 1)];
-            // By the argument of the sigmoid: Π / (1 - D) · D (1 - D).
-            let mut of_argument = g[c] * clear * touch.covered;
-            let shown = if c == 0 { None } else { ready.shown(k, touch.raw) };
-            if let Some(shown) = shown {
-                let share =
-                    touch.covered * ((shown.height - peak) * k.per_gamma).fast_exp() / total;
-                let sources = Sources::of(scene, face, ready, &shown);
-                let image = &images[at * (c + 1)..at * (c + 1) + c];
-                let mut along = zero;
-                for channel in 0..c {
-                    along += g[channel] * (sources.color(colors, channel) - image[channel]);
-                }
-                of_argument += along * share * (one - touch.covered);
-                // By the weights of the corners' colours.
-                let mut of_blend = [zero; 3];
-                for (i, &(from, weight)) in sources.parts[..sources.count].iter().enumerate() {
-                    let to = if sources.count == 3 { i * c } else { from % own.len().max(1) };
-                    for channel in 0..c {
-                        let g = g[channel] * share;
-                        if !own.is_empty() {
-                            own[to + channel] += g * weight;
-                        }
-                        of_blend[i] += g * colors[from + channel];
-                    }
-                }
-                let of_blend = if sources.count == 3 { of_blend } else { [zero; 3] };
-                let of_depth = -(along * share * k.per_gamma * k.per_range);
-                pull_weights(k, ready, &touch, &shown, of_blend, of_depth, &mut out);
-            }
-            // d(d²) = -2 away · (nearest point).
-            let pull = -(of_argument * touch.derivative) * F::from_f64(2.0);
-            for corner in 0..3 {
-                for axis in 0..2 {
-                    out[3 * corner + axis] += pull * touch.nearest[corner] * touch.away[axis];
-                }
-            }
-        }
-    }
-    out
+/// The gradients of some faces' corners, `x y z x y z x y z` each; those of their colours are added to `own`.
+struct Pull<'a, F: Real> {
+    scene: &'a Scene<'a, F>,
+    colors: &'a [F],
+    faces: &'a [Ready<F>],
+    first: usize,
+    planes: [&'a [F]; 2],
+    grads: &'a mut [[F; 9]],
+    own: &'a mut [F],
 }
 
-/// Adds what comes through the barycentric coordinates and the depths of the corners.
-#[inline]
-fn pull_weights<F: Real>(
-    k: &Constants<F>,
-    ready: &Ready<F>,
-    touch: &Touch<F>,
-    shown: &Shown<F>,
-    of_blend: [F; 3],
-    of_depth: F,
-    out: &mut [F; 9],
-) {
-    let (zero, one) = (F::zero(), F::one());
-    let (z, cut, depth) = (&ready.depths, &shown.cut, shown.depth);
-    let (mut of_cut, mut of_depth) = (of_blend, of_depth);
-    if k.perspective {
+impl<F: Real> Job<F> for Pull<'_, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes<F = F>>(self, l: L) {
+        let Self { scene, colors, faces, first, planes, grads, own } = self;
+        let renderer = scene.renderer;
+        let k = Constants::of(l, &renderer.settings);
+        let layouts = [scene.sums(), scene.pulls()];
+        let each = own.len() / faces.len();
+        let of_corners = matches!(scene.colors, Colors::Vertices(_));
+        let mut lanes = vec![F::zero(); if of_corners { each * MAX_LANES } else { 0 }];
+        for (i, (ready, grads)) in faces.iter().zip(grads).enumerate() {
+            let own = &mut own[i * each..(i + 1) * each];
+            let mut face = FacePull {
+                scene,
+                colors,
+                face: first + i,
+                planes,
+                layouts,
+                sums: [l.zero(); 9],
+                lanes: &mut lanes,
+                own: &mut *own,
+            };
+            face.run(l, &k, ready);
+            for (grad, sum) in grads.iter_mut().zip(face.sums) {
+                *grad = l.sum(sum);
+            }
+            for (own, lanes) in own.iter_mut().zip(lanes.chunks_exact_mut(MAX_LANES)) {
+                *own += l.sum(l.load(lanes));
+                lanes.fill(F::zero());
+            }
+        }
+    }
+}
+
+/// The gradient of one face while its pixels are looked at.
+struct FacePull<'a, L: Lanes> {
+    scene: &'a Scene<'a, L::F>,
+    colors: &'a [L::F],
+    face: usize,
+    planes: [&'a [L::F]; 2],
+    layouts: [Layout; 2],
+    sums: [L::V; 9],
+    /// Of the corners' colours, [`MAX_LANES`] numbers each, added up at the end.
+    lanes: &'a mut [L::F],
+    /// Of the texels' colours.
+    own: &'a mut [L::F],
+}
+
+impl<L: Lanes> FacePull<'_, L> {
+    #[inline(always)]
+    fn run(&mut self, l: L, k: &Constants<L>, ready: &Ready<L::F>) {
+        let renderer = self.scene.renderer;
+        let centers = &renderer.centers;
+        let columns = ready.pixels.columns.map(|c| c as usize);
+        for row in ready.rows_within([0, renderer.settings.height]) {
+            let line = FaceRow::new(l, ready, centers.row(row));
+            for column in (columns[0]..columns[1]).step_by(L::N) {
+                let count = (columns[1] - column).min(L::N);
+                let within = l.mask(((1_u64 << count) - 1) as u32);
+                let x = l.load(&centers.x[column..]);
+                let Some(touch) = line.touch(l, k, x, within) else { continue };
+                let at = [0, 1].map(|i| self.layouts[i].at(row, column));
+                let alpha = l.load(&self.planes[1][at[1] + ALPHA * self.layouts[1].plane()..]);
+                // By the argument of the sigmoid: Π / (1 - D) · D (1 - D).
+                let mut of_argument = l.mul(alpha, touch.covered);
+                if self.scene.channels > 0 {
+                    let more = self.pull_colors(l, k, ready, &line, &touch, at);
+                    of_argument = l.add(of_argument, more);
+                }
+                let of_argument = l.select(touch.reached, of_argument, l.zero());
+                // d(d²) = -2 away · (nearest point).
+                let twice = l.splat(L::F::from_f64(-2.0));
+                let pull = l.mul(l.mul(of_argument, twice), touch.derivative(l, k));
+                let near = nearest(l, &line.edges, x);
+                for axis in 0..2 {
+                    let pull = l.mul(pull, near.away[axis]);
+                    for corner in 0..3 {
+                        let sum = &mut self.sums[3 * corner + axis];
+                        *sum = l.fma(near.weights[corner], pull, *sum);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Adds what comes through the colours; gives that of the sigmoid's argument.
+    #[inline(always)]
+    fn pull_colors(
+        &mut self,
+        l: L,
+        k: &Constants<L>,
+        ready: &Ready<L::F>,
+        line: &FaceRow<L>,
+        touch: &Touch<L>,
+        at: [usize; 2],
+    ) -> L::V {
+        let zero = l.zero();
+        let shown = line.shown(l, k, touch);
+        if !l.any(shown.seen) {
+            return zero;
+        }
+        let peak = l.load(&self.planes[0][at[0] + PEAK * self.layouts[0].plane()..]);
+        let below = l.min(l.sub(shown.height, peak), zero);
+        let share = l.mul(touch.covered, vanishing_exp(l, l.mul(below, k.per_gamma)));
+        let source = self.scene.source(l, k, self.face, line, &shown);
+        let plane = self.layouts[1].plane();
+        let mean = l.load(&self.planes[1][at[1] + MEAN * plane..]);
+        let mut along = l.sub(zero, mean);
+        let mut of_blend = [zero; 3];
+        for channel in 0..self.scene.channels {
+            let g = l.load(&self.planes[1][at[1] + (PULLS + channel) * plane..]);
+            along = l.fma(g, source.color(l, self.colors, channel), along);
+            let g = l.select(shown.seen, l.mul(g, share), zero);
+            self.add_color(l, &source, channel, g, l.bits(shown.seen));
+            if let Source::Corners(from, _) = &source {
+                for (of_blend, &from) in of_blend.iter_mut().zip(from) {
+                    *of_blend = l.fma(g, l.splat(self.colors[from + channel]), *of_blend);
+                }
+            }
+        }
+        let along = l.select(shown.seen, l.mul(along, share), zero);
+        let of_depth = l.sub(zero, l.mul(l.mul(along, k.per_gamma), k.per_range));
+        self.pull_weights(l, k, ready, line, &shown, of_blend, of_depth);
+        l.mul(along, touch.clear)
+    }
+
+    /// Adds to the gradient of the face's colours.
+    #[inline(always)]
+    fn add_color(&mut self, l: L, source: &Source<L>, channel: usize, g: L::V, seen: u32) {
+        if self.own.is_empty() {
+            return;
+        }
+        let c = self.scene.channels;
+        match source {
+            Source::Corners(_, weights) => {
+                for (corner, &weight) in weights.iter().enumerate() {
+                    let lanes = &mut self.lanes[(corner * c + channel) * MAX_LANES..];
+                    let sum = l.load(lanes);
+                    l.store(lanes, l.fma(g, weight, sum));
+                }
+            }
+            Source::Texels(from) => {
+                let first = self.face * self.own.len();
+                let mut lanes = [L::F::from_f64(0.0); MAX_LANES];
+                l.store(&mut lanes, g);
+                for (i, &from) in from[..L::N].iter().enumerate() {
+                    if seen >> i & 1 == 1 {
+                        self.own[from - first + channel] += lanes[i];
+                    }
+                }
+            }
+        }
+    }
+
+    /// Adds what comes through the barycentric coordinates and the depths of the corners.
+    #[inline(always)]
+    fn pull_weights(
+        &mut self,
+        l: L,
+        k: &Constants<L>,
+        ready: &Ready<L::F>,
+        line: &FaceRow<L>,
+        shown: &Shown<L>,
+        of_blend: [L::V; 3],
+        of_depth: L::V,
+    ) {
+        let (zero, one) = (l.zero(), l.one());
+        let (z, cut, depth) = (line.per_depth(), &shown.cut, shown.depth);
+        let (mut of_cut, mut of_depth) = (of_blend, of_depth);
+        if k.perspective {
+            for i in 0..3 {
+                let part = l.mul(of_blend[i], z[i]);
+                let along = l.mul(part, cut[i]);
+                of_depth = l.add(of_depth, along);
+                of_cut[i] = l.mul(part, depth);
+                let sum = &mut self.sums[3 * i + 2];
+                *sum = l.fnma(along, l.mul(depth, z[i]), *sum);
+            }
+        }
+        // depth = 1 / Σ c / z
+        let square = l.mul(of_depth, l.mul(depth, depth));
         for i in 0..3 {
-            let part = of_blend[i] / z[i];
-            of_depth += part * cut[i];
-            of_cut[i] = part * depth;
-            out[3 * i + 2] += -(part * cut[i] * depth / z[i]);
+            let derivative = l.mul(square, z[i]);
+            of_cut[i] = l.sub(of_cut[i], derivative);
+            let sum = &mut self.sums[3 * i + 2];
+            *sum = l.fma(derivative, l.mul(cut[i], z[i]), *sum);
         }
-    }
-    // depth = 1 / Σ c / z
-    for i in 0..3 {
-        let derivative = of_depth * depth * depth / z[i];
-        of_cut[i] += -derivative;
-        out[3 * i + 2] += derivative * cut[i] / z[i];
-    }
-    let guarded = shown.sum <= F::from_f64(SUM_GUARD);
-    let mean =
-        if guarded { zero } else { of_cut[0] * cut[0] + of_cut[1] * cut[1] + of_cut[2] * cut[2] };
-    // How the coordinates grow with x and y, times what is pulled.
-    let mut derivative = [zero; 2];
-    for i in 0..3 {
-        if touch.raw[i] > zero && touch.raw[i] < one {
-            let of_raw = (of_cut[i] - mean) / shown.sum;
-            derivative[0] += of_raw * ready.weights[i][0];
-            derivative[1] += of_raw * ready.weights[i][1];
+        let mean = three!(i => l.mul(of_cut[i], cut[i]));
+        let mean = l.add(l.add(mean[0], mean[1]), mean[2]);
+        let mean = l.select(shown.summed, mean, zero);
+        // How the coordinates grow with x and y, times what is pulled.
+        let mut derivative = [zero; 2];
+        for i in 0..3 {
+            let free = l.and(l.lt(zero, shown.raw[i]), l.lt(shown.raw[i], one));
+            let of_raw = l.mul(l.sub(of_cut[i], mean), shown.per_sum);
+            let of_raw = l.select(free, of_raw, zero);
+            for axis in 0..2 {
+                derivative[axis] = l.fma(of_raw, l.splat(ready.weights[i][axis]), derivative[axis]);
+            }
         }
-    }
-    for corner in 0..3 {
-        for axis in 0..2 {
-            out[3 * corner + axis] += -(touch.raw[corner] * derivative[axis]);
+        for corner in 0..3 {
+            for axis in 0..2 {
+                let sum = &mut self.sums[3 * corner + axis];
+                *sum = l.fnma(shown.raw[corner], derivative[axis], *sum);
+            }
         }
     }
 }
