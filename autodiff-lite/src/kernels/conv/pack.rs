@@ -83,8 +83,8 @@ pub(super) fn packed_len(taps: usize, roles: &Roles, columns: usize) -> usize {
     elements(&[roles.output[0].div_ceil(columns), columns, roles.summed[0], taps])
 }
 
-/// Summed channels that are packed together.
-const SUMMED: usize = 8;
+/// Outputs that are packed together: a line of what is written, and as many lines of what is read as stay in L1.
+const OUTPUTS: usize = 16;
 
 /// Packs `w` as `[block of outputs][tap][summed][columns]`, zero in columns that do not exist.
 pub(super) fn pack<F: Lane>(
@@ -106,24 +106,25 @@ pub(super) fn pack<F: Lane>(
     for_each_block(outputs.div_ceil(columns), parallel, |block| {
         // SAFETY: each block is a panel of its own.
         let panel = unsafe { shared.slice(block * panel, panel) };
-        // A few summed channels at a time, so that the lines that the columns share stay in L1.
-        for first in (0..summed).step_by(SUMMED) {
-            let count = SUMMED.min(summed - first);
-            for j in 0..columns {
-                let output = block * columns + j;
+        for first in (0..columns).step_by(OUTPUTS) {
+            let output = block * columns + first;
+            let width = OUTPUTS.min(columns - first);
+            let count = width.min(outputs.saturating_sub(output));
+            for channel in 0..summed {
+                let start = output * output_step + channel * summed_step;
                 for (tap, &(ky, kx)) in taps.iter().enumerate() {
-                    let to = panel[(tap * summed + first) * columns + j..]
-                        .iter_mut()
-                        .step_by(columns)
-                        .take(count);
-                    if output >= outputs {
-                        to.for_each(|x| *x = F::zero());
+                    let to = &mut panel[(tap * summed + channel) * columns + first..][..width];
+                    if count == OUTPUTS {
+                        let from = &w[start + ky * kernel[1] + kx..];
+                        let from = &from[..(OUTPUTS - 1) * output_step + 1];
+                        for (k, to) in to.iter_mut().enumerate() {
+                            *to = from[k * output_step];
+                        }
                         continue;
                     }
-                    let start = output * output_step + first * summed_step;
-                    let from = w[start + ky * kernel[1] + kx..].iter().step_by(summed_step);
-                    for (to, &from) in to.zip(from) {
-                        *to = from;
+                    to.fill(F::zero());
+                    for (k, to) in to[..count].iter_mut().enumerate() {
+                        *to = w[start + ky * kernel[1] + kx + k * output_step];
                     }
                 }
             }
