@@ -72,10 +72,49 @@ impl Bits {
         false
     }
 
+    /// The same of a box that is enlarged by so many rows and columns.
+    #[inline(always)]
+    pub fn any_tile_around(&self, pixels: PixelBox, margin: [i32; 2]) -> bool {
+        let around = |[first, end]: [u32; 2], margin: i32| {
+            [(first as i32).saturating_sub(margin), (end as i32).saturating_add(margin)]
+        };
+        self.any_tile(around(pixels.rows, margin[0]), around(pixels.columns, margin[1]))
+    }
+
     /// The words of a row.
     #[inline(always)]
     pub fn row(&self, row: usize) -> &[u64] {
         &self.words[row * self.per_row..(row + 1) * self.per_row]
+    }
+
+    /// From the first to one past the last column of a half-open range whose bit is set; an empty range if none is.
+    #[inline(always)]
+    pub fn span(&self, row: usize, [start, end]: [usize; 2]) -> [usize; 2] {
+        if start >= end {
+            return [end; 2];
+        }
+        let words = self.row(row);
+        let (first, last) = (start / 64, (end - 1) / 64);
+        let part = |k: usize| {
+            let head = if k == first { u64::MAX << (start % 64) } else { u64::MAX };
+            let tail = if k == last { u64::MAX >> (63 - (end - 1) % 64) } else { u64::MAX };
+            words[k] & head & tail
+        };
+        let mut low = first;
+        while low < last && part(low) == 0 {
+            low += 1;
+        }
+        if part(low) == 0 {
+            return [end; 2];
+        }
+        let mut high = last;
+        while part(high) == 0 {
+            high -= 1;
+        }
+        [
+            64 * low + part(low).trailing_zeros() as usize,
+            64 * high + 64 - part(high).leading_zeros() as usize,
+        ]
     }
 
     /// Whether any bit of a box is set.
@@ -119,12 +158,23 @@ mod tests {
                     if start + count <= width {
                         let expected = (start..start + count).contains(&set);
                         assert_eq!(bits.run(1, start, count), expected);
+                        let [first, end] = bits.span(1, [start, start + count]);
+                        assert_eq!(
+                            (first, end),
+                            if expected { (set, set + 1) } else { (end, end) }
+                        );
                         assert!(!bits.run(0, start, count) && !bits.run(2, start, count));
                         let columns = [start as i32, (start + count - 1) as i32];
                         assert!(!expected || bits.any_tile([-3, 40], columns));
                     }
                 }
             }
+            face[width + 2] = NONE;
+            bits.fill(3, width, &face);
+            assert_eq!(bits.span(1, [0, width]), [set.min(2), set.max(2) + 1]);
+            face[width + 2] = 0;
+            face[width + set] = NONE;
+            bits.fill(3, width, &face);
             let far = (set as i32 + 100) % 200;
             assert!(!bits.any_tile([0, 2], [far, far]));
         }

@@ -46,6 +46,13 @@ impl<F: Real> Centers<F> {
         [rows, columns].map(|[low, high]| [low.saturating_sub(1), high.saturating_add(1)])
     }
 
+    /// Rows and columns within a distance, and one more for rounding.
+    pub fn pixels_within(&self, distance: F) -> [i32; 2] {
+        let (height, width) = (self.y.len() as f64, (self.x.len() - MAX_LANES) as f64);
+        // Casts saturate.
+        [height, width].map(|size| ((distance.to_f64() * 0.5 * size) as i32).saturating_add(2))
+    }
+
     /// The `y` of a row.
     #[inline(always)]
     pub fn row(&self, row: usize) -> F {

@@ -19,7 +19,9 @@ use crate::faces::{Faces, NONE};
 use crate::kernels::bits::Bits;
 use crate::kernels::distance::{edge_rows, edges, nearest, squared};
 use crate::kernels::lanes::{Job, Lanes, MAX_LANES, dispatch, three};
-use crate::kernels::setup::{BAND_ROWS, Bands, PixelBox, extent, near, visible_corners};
+use crate::kernels::setup::{
+    BAND_ROWS, Bands, PixelBox, corner_positions, extent, near, visible_corners,
+};
 use crate::scratch_pool::ScratchPool;
 use crate::{Fragments, Rule, Settings};
 
@@ -27,6 +29,10 @@ use crate::{Fragments, Rule, Settings};
 const CHUNK: usize = 512;
 /// Of those, how many per parallel task of the gradient.
 const REACH_CHUNK: usize = 32;
+
+/// A pixel that is clear to no more than this is covered: far below the rounding of double precision. Beside a rim, where
+/// many faces meet, products would become too small to be normal, which takes a processor a hundred times as long.
+const FAINT: f64 = 1e-25;
 
 /// A face that reaches into the background.
 #[derive(Clone, Copy, Debug, Default)]
@@ -41,7 +47,8 @@ struct Reach<F> {
 #[derive(Debug, Default)]
 pub struct ImageState<F> {
     background: Bits,
-    near: Vec<bool>,
+    /// Per face, the pixels that it reaches, none where no background is among them.
+    boxes: Vec<PixelBox>,
     /// Per face, its place in `reaches`, or [`NONE`].
     slots: Vec<u32>,
     reaches: Vec<Reach<F>>,
@@ -90,7 +97,8 @@ pub fn soft_silhouette<F: Real>(
         |(n, (state, out))| {
             let projected = &projected[positions * n..positions * (n + 1)];
             let face = &fragments.face[pixels * n..pixels * (n + 1)];
-            state.prepare(fragments, projected, face);
+            state.prepare(fragments, n, projected, face);
+            let background = &state.background;
             let limit = fragments.settings().max_faces.is_some();
             state.clear.resize(pixels + MAX_LANES, F::one());
             state.last.resize(if limit { pixels + MAX_LANES } else { 0 }, NONE);
@@ -99,7 +107,7 @@ pub fn soft_silhouette<F: Real>(
                 planes.with(|planes| {
                     let face = &face[band * BAND_ROWS * width..][..out.len()];
                     let items = bands.items(band);
-                    let job = Cover { fragments, reaches, items, band, face, planes };
+                    let job = Cover { fragments, background, reaches, items, band, face, planes };
                     dispatch(fragments.settings().instructions.arch(), job);
                     planes.finish(width, out, clear, last);
                 });
@@ -119,14 +127,20 @@ pub fn soft_silhouette<F: Real>(
 
 impl<F: Real> ImageState<F> {
     /// Finds the faces that reach into the background.
-    fn prepare(&mut self, fragments: &Fragments<F>, projected: &[F], face: &[u32]) {
+    fn prepare(&mut self, fragments: &Fragments<F>, image: usize, projected: &[F], face: &[u32]) {
         let settings = fragments.settings();
         let (centers, corners) = (fragments.centers(), fragments.faces().corners());
         self.background.fill(settings.height, settings.width, face);
         let background = &self.background;
         let (near, length) = (near::<F>(settings), F::from_f64(settings.box_length));
-        let reached = |corners: &[u32; 3]| {
-            let p = visible_corners(projected, *corners, near)?;
+        let drawn = &fragments.setup(image).boxes;
+        let margin = centers.pixels_within(length);
+        let reached = |face: usize| {
+            // Of most faces what was drawn of them tells.
+            if !drawn[face].is_empty() && !background.any_tile_around(drawn[face], margin) {
+                return None;
+            }
+            let p = visible_corners(projected, corners[face], near)?;
             let [x, y] = enlarged(&p, length);
             let [rows, columns] = centers.around(x, y);
             if !background.any_tile(rows, columns) {
@@ -136,26 +150,27 @@ impl<F: Real> ImageState<F> {
                 columns: centers.columns(x[0], x[1], true),
                 rows: centers.rows(y[0], y[1], true),
             };
-            (!pixels.is_empty() && background.any(pixels)).then_some((p, pixels))
+            (!pixels.is_empty() && background.any(pixels)).then_some(pixels)
         };
-        self.near.resize(corners.len(), false);
-        let faces = self.near.par_iter_mut().zip(corners.par_iter());
-        faces.with_min_len(CHUNK).for_each(|(near, corners)| *near = reached(corners).is_some());
+        self.boxes.resize(corners.len(), PixelBox::default());
+        let faces = self.boxes.par_chunks_mut(CHUNK).enumerate();
+        faces.for_each(|(chunk, boxes)| {
+            for (i, pixels) in boxes.iter_mut().enumerate() {
+                *pixels = reached(chunk * CHUNK + i).unwrap_or_default();
+            }
+        });
 
         self.slots.resize(corners.len(), NONE);
         self.reaches.clear();
-        for (face, (&near, slot)) in self.near.iter().zip(&mut self.slots).enumerate() {
+        for (face, (&pixels, slot)) in self.boxes.iter().zip(&mut self.slots).enumerate() {
             *slot = NONE;
-            if near {
+            if !pixels.is_empty() {
                 *slot = self.reaches.len() as u32;
-                self.reaches.push(Reach { face: face as u32, ..Reach::default() });
+                self.reaches.push(Reach { face: face as u32, pixels, ..Reach::default() });
             }
         }
         self.reaches.par_iter_mut().with_min_len(CHUNK).for_each(|reach| {
-            if let Some((p, pixels)) = reached(&corners[reach.face as usize]) {
-                reach.pixels = pixels;
-                reach.edges = edges(p);
-            }
+            reach.edges = edges(corner_positions(projected, corners[reach.face as usize]));
         });
         self.bands.sort(settings.height, self.reaches.iter().map(|r| r.pixels.rows));
     }
@@ -201,6 +216,7 @@ impl<F: Real> Planes<F> {
 
 struct Cover<'a, F: Real> {
     fragments: &'a Fragments<F>,
+    background: &'a Bits,
     reaches: &'a [Reach<F>],
     items: &'a [u32],
     band: usize,
@@ -213,7 +229,7 @@ impl<F: Real> Job<F> for Cover<'_, F> {
 
     #[inline(always)]
     fn run<L: Lanes<F = F>>(self, l: L) {
-        let Self { fragments, reaches, items, band, face, planes } = self;
+        let Self { fragments, background, reaches, items, band, face, planes } = self;
         let settings = fragments.settings();
         let centers = fragments.centers();
         let stride = settings.width + MAX_LANES;
@@ -222,12 +238,17 @@ impl<F: Real> Job<F> for Cover<'_, F> {
         planes.clear(stride, settings.width, face, settings.max_faces.is_some());
         let sharpness = l.splat(F::from_f64(-settings.sigma_inv));
         let one = l.one();
+        let faint = l.splat(F::from_f64(FAINT));
         let limit = settings.max_faces.map(|k| k.min(u32::MAX as usize) as u32);
         for &item in items {
             let reach = &reaches[item as usize];
             let columns = reach.pixels.columns.map(|c| c as usize);
             let rows = reach.pixels.rows.map(|r| r as usize);
             for row in rows[0].max(first)..rows[1].min(last) {
+                let columns = background.span(row, columns);
+                if columns[0] == columns[1] {
+                    continue;
+                }
                 let edges = edge_rows(l, &reach.edges, centers.row(row));
                 for column in (columns[0]..columns[1]).step_by(L::N) {
                     let count = (columns[1] - column).min(L::N);
@@ -245,6 +266,7 @@ impl<F: Real> Job<F> for Cover<'_, F> {
                     }
                     let p = l.exp(l.mul(sharpness, d));
                     let left = l.mul(clear, l.sub(one, p));
+                    let left = l.select(l.lt(faint, left), left, l.zero());
                     l.store(&mut planes.clear[at..], l.select(inside, left, clear));
                 }
             }
@@ -354,14 +376,19 @@ impl<F: Real> Job<F> for Pull<'_, F> {
             let columns = reach.pixels.columns.map(|c| c as usize);
             let mut sums = [zero; 6];
             for row in reach.pixels.rows[0] as usize..reach.pixels.rows[1] as usize {
+                let columns = state.background.span(row, columns);
+                if columns[0] == columns[1] {
+                    continue;
+                }
                 let edges = edge_rows(l, &reach.edges, centers.row(row));
                 for column in (columns[0]..columns[1]).step_by(L::N) {
                     let count = (columns[1] - column).min(L::N);
                     let at = row * width + column;
-                    if !state.background.run(row, column, count) {
+                    let clear = l.load(&state.clear[at..]);
+                    let mut inside = l.mask(((1_u64 << count) - 1) as u32);
+                    if !l.any(l.and(inside, l.lt(zero, clear))) {
                         continue;
                     }
-                    let mut inside = l.mask(((1_u64 << count) - 1) as u32);
                     if limited {
                         let last = l.load_u(&state.last[at..]);
                         inside = l.and(inside, l.le_u(l.splat_u(reach.face), last));
@@ -369,7 +396,7 @@ impl<F: Real> Job<F> for Pull<'_, F> {
                     let x = l.load(&centers.x[column..]);
                     let near = nearest(l, &edges, x);
                     let p = l.exp(l.mul(sharpness, near.squared));
-                    let others = l.div(l.load(&state.clear[at..]), guard.apply(l, l.sub(one, p)));
+                    let others = l.div(clear, guard.apply(l, l.sub(one, p)));
                     let g = if at + L::N <= grad.len() {
                         l.load(&grad[at..])
                     } else {
