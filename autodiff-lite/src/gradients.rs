@@ -3,6 +3,7 @@
 use std::fmt;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use crate::kernels::reduce::sum_of_squares;
 use crate::{Param, ParamId, Pool, Real, Tensor};
 
 /// Gradients of one scalar with respect to leaves and trainable parameters.
@@ -124,18 +125,7 @@ impl<F: Real> Gradients<F> {
     /// precision, in an order that depends on the shapes alone.
     #[inline(never)]
     pub fn norm(&self) -> f64 {
-        let squares = |entry: &Entry<F>| {
-            let square = |g: F| Real::to_f64(g) * Real::to_f64(g);
-            let (blocks, rest) = entry.gradient.as_slice().as_chunks::<16>();
-            // Sixteen sums side by side: one alone would wait for each addition.
-            let mut sums = [0.0; 16];
-            for block in blocks {
-                for (sum, &g) in sums.iter_mut().zip(block) {
-                    *sum += square(g);
-                }
-            }
-            sums.iter().sum::<f64>() + rest.iter().map(|&g| square(g)).sum::<f64>()
-        };
+        let squares = |entry: &Entry<F>| sum_of_squares(entry.gradient.as_slice());
         self.entries.iter().map(squares).sum::<f64>().sqrt()
     }
 

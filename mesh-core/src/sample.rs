@@ -68,6 +68,7 @@ pub fn sample_surface(mesh: &TriMesh, count: usize, seed: u64) -> Vec<SurfacePoi
     if !(total > 0.0 && total.is_finite()) {
         return Vec::new();
     }
+    let last = ends.partition_point(|&end| end < total);
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     (0..count)
         .map(|_| {
@@ -75,7 +76,6 @@ pub fn sample_surface(mesh: &TriMesh, count: usize, seed: u64) -> Vec<SurfacePoi
             // The first face whose end lies beyond the target: it has area, and it exists unless
             // the product was rounded up to the total itself.
             let face = ends.partition_point(|&end| end <= target);
-            let last = ends.partition_point(|&end| end < total);
             let (root, v) = (rng.random::<f64>().sqrt(), rng.random::<f64>());
             SurfacePoint {
                 face: face.min(last) as u32,

@@ -55,6 +55,25 @@ pub fn sum<F: Real>(x: &[F]) -> F {
     F::from_f64(total)
 }
 
+#[inline(always)]
+fn squares_body<F: Real>(x: &[F]) -> f64 {
+    let square = |x: F| x.to_f64() * x.to_f64();
+    let (blocks, rest) = x.as_chunks::<16>();
+    // Sixteen sums side by side: one alone would wait for each addition.
+    let mut sums = [0.0; 16];
+    for block in blocks {
+        for k in 0..16 {
+            sums[k] += square(block[k]);
+        }
+    }
+    sums.iter().sum::<f64>() + rest.iter().map(|&x| square(x)).sum::<f64>()
+}
+
+clones!(
+    /// `Σ x²` in double precision, in an order that depends on the length alone.
+    pub fn sum_of_squares[F: Real](x: &[F]) -> f64 = squares_body
+);
+
 /// `y[o, i] = Σ_k x[o, k, i]` for `x [outer, n, inner]`.
 ///
 /// # Panics
