@@ -116,7 +116,7 @@ pub(super) fn pack<F: Lane>(
                     let to = &mut panel[(tap * summed + channel) * columns + first..][..width];
                     if count == OUTPUTS {
                         let from = &w[start + ky * kernel[1] + kx..];
-                        let from = &from[..(OUTPUTS - 1) * output_step + 1];
+                        let from = &from[..=(OUTPUTS - 1) * output_step];
                         for (k, to) in to.iter_mut().enumerate() {
                             *to = from[k * output_step];
                         }
