@@ -111,6 +111,11 @@ pub trait Lanes: Copy {
     fn select_u(self, m: Self::M, a: Self::U, b: Self::U) -> Self::U;
     /// Truth values from the low bits, the first lane lowest.
     fn mask(self, bits: u32) -> Self::M;
+    /// True in so many lanes from the first on, at most [`N`](Self::N).
+    #[inline(always)]
+    fn first(self, count: usize) -> Self::M {
+        self.mask(((1_u64 << count) - 1) as u32)
+    }
     /// The low bits from truth values, the first lane lowest.
     fn bits(self, m: Self::M) -> u32;
     /// `exp(x)` for `x <= 0`; in `f32` to 1e-7 relative.

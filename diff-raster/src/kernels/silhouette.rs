@@ -253,7 +253,7 @@ impl<F: Real> Job<F> for Cover<'_, F> {
                 for column in (columns[0]..columns[1]).step_by(L::N) {
                     let count = (columns[1] - column).min(L::N);
                     let at = (row - first) * stride + column;
-                    let mut inside = l.mask(((1_u64 << count) - 1) as u32);
+                    let mut inside = l.first(count);
                     let clear = l.load(&planes.clear[at..]);
                     if !l.any(l.and(inside, l.lt(l.zero(), clear))) {
                         continue;
@@ -385,7 +385,7 @@ impl<F: Real> Job<F> for Pull<'_, F> {
                     let count = (columns[1] - column).min(L::N);
                     let at = row * width + column;
                     let clear = l.load(&state.clear[at..]);
-                    let mut inside = l.mask(((1_u64 << count) - 1) as u32);
+                    let mut inside = l.first(count);
                     if !l.any(l.and(inside, l.lt(zero, clear))) {
                         continue;
                     }

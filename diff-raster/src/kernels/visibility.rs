@@ -103,8 +103,7 @@ impl<F: Real> Job<F> for Draw<'_, F> {
                     let nearest = l.load(&planes.key[at..]);
                     let count = (columns[1] - column).min(L::N);
                     let wins = l.and(l.lt(nearest, k), inside);
-                    let wins =
-                        if count < L::N { l.and(wins, l.mask((1 << count) - 1)) } else { wins };
+                    let wins = if count < L::N { l.and(wins, l.first(count)) } else { wins };
                     if !l.any(wins) {
                         continue;
                     }

@@ -207,7 +207,7 @@ impl<F: Real> Job<F> for Draw<'_, F> {
                 let line = FaceRow::new(l, ready, centers.row(row));
                 for column in (columns[0]..columns[1]).step_by(L::N) {
                     let count = (columns[1] - column).min(L::N);
-                    let within = l.mask(((1_u64 << count) - 1) as u32);
+                    let within = l.first(count);
                     let x = l.load(&centers.x[column..]);
                     let Some(touch) = line.touch(l, &k, x, within) else { continue };
                     let at = (row - first) * stride + column;

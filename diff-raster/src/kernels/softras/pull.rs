@@ -213,7 +213,7 @@ impl<L: Lanes> FacePull<'_, L> {
             let line = FaceRow::new(l, ready, centers.row(row));
             for column in (columns[0]..columns[1]).step_by(L::N) {
                 let count = (columns[1] - column).min(L::N);
-                let within = l.mask(((1_u64 << count) - 1) as u32);
+                let within = l.first(count);
                 let x = l.load(&centers.x[column..]);
                 let Some(touch) = line.touch(l, k, x, within) else { continue };
                 let at = [0, 1].map(|i| self.layouts[i].at(row, column));
