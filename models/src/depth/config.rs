@@ -80,6 +80,9 @@ train::options! {
         pub coverage: f64 = 0.0, in 0.0..=1e9;
         /// Whether that is all that the rendered-depth loss has: what of its effect is outlines and what is depth.
         pub coverage_alone: bool = false;
+        /// Whether the rendered-depth loss is a mean over the meshes of all stages, as the Chamfer distance is (deep
+        /// supervision), and not of the last one alone.
+        pub depth_of_all_stages: bool = false;
         /// Weight of the colours against those of the nearest true points, and of the rendered colours against the
         /// image.
         pub color_weight: f64 = 0.1, in 0.0..=1e9;

@@ -34,6 +34,8 @@ mod predictor;
 mod published_tests;
 mod refined;
 mod rendered;
+#[cfg(test)]
+mod rendered_tests;
 mod residuals;
 mod scenes;
 mod score;

@@ -221,14 +221,25 @@ impl<B: MeshInit> Refined<B> {
         if !depth && forward.colors.is_none() {
             return (None, None);
         }
-        let last = forward.last();
-        let wanted = Wanted {
-            silhouette: depth && config.coverage > 0.0,
-            colors: forward.colors.filter(|_| config.color_weight > 0.0),
-        };
+        let silhouette = depth && config.coverage > 0.0;
+        let colors = forward.colors.filter(|_| config.color_weight > 0.0);
         let (cameras, side) = (forward.cameras, config.pairs.image_size);
-        let drawn = draw(&self.scratch, &last.packed, last.positions, cameras, side, wanted);
-        (depth.then(|| depth_difference(&drawn, scenes, config)), pixel_difference(&drawn, scenes))
+        let drawn = |stage: &StageMeshes<'t>, colors| {
+            let wanted = Wanted { silhouette, colors };
+            draw(&self.scratch, &stage.packed, stage.positions, cameras, side, wanted)
+        };
+        let last = drawn(forward.last(), colors);
+        let image = pixel_difference(&last, scenes);
+        if !depth {
+            return (None, image);
+        }
+        let earlier = forward.stages.split_last().map_or(&[][..], |(_, earlier)| earlier);
+        let earlier = if config.depth_of_all_stages { earlier } else { &[] };
+        let share = 1.0 / (earlier.len() + 1) as f32;
+        let each = earlier.iter().map(|stage| drawn(stage, None)).chain([last]);
+        let each = each.map(|drawn| (share, depth_difference(&drawn, scenes, config)));
+        let mean = each.collect::<Vec<(f32, Var<'t>)>>();
+        (Some(forward.cameras.tape().lincomb(&mean)), image)
     }
 }
 

@@ -10,7 +10,7 @@ use train::{Configuration, Draw, StepInfo, System};
 use super::*;
 use crate::paired::PairsConfig;
 
-fn refine() -> RefineConfig {
+pub(super) fn refine() -> RefineConfig {
     RefineConfig {
         pairs: PairsConfig {
             image_size: 32,
@@ -35,11 +35,11 @@ fn refine() -> RefineConfig {
     }
 }
 
-fn sphere() -> SphereConfig {
+pub(super) fn sphere() -> SphereConfig {
     SphereConfig { refine: refine(), level: 0, ..SphereConfig::default() }
 }
 
-fn voxels() -> VoxelConfig {
+pub(super) fn voxels() -> VoxelConfig {
     VoxelConfig {
         refine: refine(),
         cells: 8,
@@ -151,7 +151,7 @@ fn kinds_of_depth_are_read_from_texts_and_switches() {
 
 /// A batch's terms by name, and the norm of each parameter's gradient.
 #[allow(clippy::type_complexity, reason = "two lists")]
-fn step<S: System<Sample = Scene, Data = Scenes>>(
+pub(super) fn step<S: System<Sample = Scene, Data = Scenes>>(
     system: &S,
     config: &RefineConfig,
     cells: usize,
@@ -175,7 +175,7 @@ fn step<S: System<Sample = Scene, Data = Scenes>>(
 }
 
 /// As stages begin: only what makes offsets has a gradient. With weights that are not zero everything learns.
-fn moved<S: System>(system: &mut S) {
+pub(super) fn moved<S: System>(system: &mut S) {
     system.visit_mut("", &mut |path: &str, param: &mut Param| {
         if path.ends_with("vert_offset.weight") {
             let values = param.as_slice_mut().iter_mut().enumerate();
@@ -308,73 +308,6 @@ fn depth_channels_are_of_their_kind() {
     let (ma, mb) = (mean(a), mean(b));
     let cov: f32 = inside.iter().map(|&p| (a[p] - ma) * (b[p] - mb)).sum();
     assert!(inside.len() > 40 && cov > 0.0);
-}
-
-/// The truth costs nothing in any comparison; the truth as far again from the camera, seen just so, only where depth has
-/// a unit; and where nothing is compared there is neither a loss nor a gradient.
-#[test]
-fn rendered_depth_is_compared_as_it_says() {
-    use std::sync::Arc;
-
-    use super::rendered::{Wanted, depth_difference, draw};
-    use DepthKind::{Estimated, True};
-    use DepthLossKind::{Aligned, Auto, Log, Plain, Trimmed};
-    use diff_raster::Scratch;
-
-    let with = |depth: DepthKind, depth_loss, times: f32, nothing: Option<f64>, alone: bool| {
-        // Nothing is compared, but coverage may count.
-        let coverage = nothing.unwrap_or(if alone { 1.0 } else { 0.0 });
-        let coverage_alone = alone;
-        let config = RefineConfig { depth, depth_loss, coverage, coverage_alone, ..refine() };
-        let scenes = Scenes::synthetic(&config, 0).unwrap();
-        let (object, mut scene) = scenes.trial(train::Subset::Test, 1, 0).unwrap();
-        let surface = scenes.mesh(object).unwrap();
-        let truth = scene.depth_targets.frame.mesh_placed(surface.mesh.as_ref().unwrap());
-        if nothing.is_some() {
-            let depth_targets =
-                DepthTargets { compared: vec![false; 1024], ..(*scene.depth_targets).clone() };
-            scene.depth_targets = Arc::new(depth_targets);
-        }
-        let packed = Packed::new(vec![Arc::new(Shape::of(&truth))]);
-        let tape = Tape::train(0);
-        let rows: Vec<f32> = truth.positions.as_flattened().iter().map(|x| times * x).collect();
-        let rows = ndarray::Array3::from_shape_vec((1, packed.vertices(), 3), rows).unwrap();
-        let positions = tape.leaf(rows);
-        let lens = ndarray::Array3::from_shape_vec((1, 3, 4), scene.image.lens.to_vec()).unwrap();
-        let wanted = Wanted { silhouette: coverage > 0.0, colors: None };
-        let lens = tape.constant(lens);
-        let drawn = draw(&Scratch::default(), &packed, positions, lens, 32, wanted);
-        let loss = depth_difference(&drawn, &[&scene], &config);
-        let value = loss.item();
-        let gradients = loss.backward();
-        let derivative =
-            gradients.wrt(positions).map_or(0.0, |g| g.iter().map(|x| x.abs()).sum::<f32>());
-        (value, derivative)
-    };
-    let of = |depth, kind, times, nothing| with(depth, kind, times, nothing, false);
-    for kind in [Aligned, Trimmed, Log, Plain] {
-        let (value, _) = of(True, kind, 1.0, None);
-        assert!(value.abs() < 1e-3, "{kind:?} of the truth: {value}");
-        let (value, derivative) = of(True, kind, 2.0, None);
-        let has_unit = matches!(kind, Log | Plain);
-        assert_eq!(value > 0.1, has_unit, "{kind:?} twice as far: {value}");
-        assert!(derivative > 0.0 && derivative.is_finite());
-        assert_eq!(of(True, kind, 2.0, Some(0.0)), (0.0, 0.0), "{kind:?} of nothing");
-        // The truth covers its own silhouette but for pixels that its outline halves.
-        let (value, _) = of(True, kind, 1.0, Some(0.5));
-        assert!((0.0..0.02).contains(&value), "{kind:?} of nothing: {value}");
-    }
-    // An estimate is blurred at the outline: the truth fits it, not exactly, but by less than its own spread,
-    // which counts a tenth.
-    let (value, _) = of(Estimated, Auto, 1.0, None);
-    assert!(value.is_finite() && value < 0.1, "{value}");
-    assert_eq!(of(Estimated, Auto, 1.0, Some(0.0)), (0.0, 0.0));
-    // Of coverage alone, how deep the truth lies is nothing: twice as far and as large it covers the same.
-    let [near, far] = [1.0, 2.0].map(|times| with(True, Plain, times, None, true).0);
-    assert!(near < 0.05 && (near - far).abs() < 1e-4, "{near}, {far}");
-    let without = RefineConfig { coverage_alone: true, coverage: 0.0, ..refine() };
-    let problems = MeshRcnn::check(&VoxelConfig { refine: without, ..voxels() }).join("; ");
-    assert!(problems.contains("`coverage-alone`"), "{problems}");
 }
 
 #[test]
