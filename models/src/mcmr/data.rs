@@ -202,7 +202,10 @@ impl Data {
     }
 
     /// The true surface of an object in the world of its camera, where the data knows it.
-    pub(super) fn truth(&self, object: usize) -> Result<Option<Arc<TriMesh>>, DataError> {
+    ///
+    /// # Errors
+    /// If a file cannot be read.
+    pub fn truth(&self, object: usize) -> Result<Option<Arc<TriMesh>>, DataError> {
         let place = &self.truths[object];
         if let Some(truth) = place.get() {
             return Ok(truth.clone());
