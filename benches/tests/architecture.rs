@@ -49,6 +49,7 @@ const RESERVED: &[(&str, &[&str])] = &[
     ("pyo3", &["python"]),
     ("indicatif", &["cli"]),
     ("ctrlc", &["cli"]),
+    ("signal-hook", &["cli"]),
     ("toml", &["train"]),
     ("mpi", &["cli"]),
     ("gif", &["recon"]),

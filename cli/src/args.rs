@@ -218,7 +218,7 @@ pub(crate) struct Fit {
 #[derive(Args, Debug)]
 #[command(
     after_help = "The folder describes itself: config.toml, provenance.json, metrics.jsonl and .csv, tensorboard/,
-checkpoints/ (best and last), samples/ and report.html. Ctrl-C writes a checkpoint; a run that was
+checkpoints/ (best and last), samples/ and report.html. Ctrl-C and SIGTERM write a checkpoint; a run that was
 stopped or killed goes on with --resume, and its result is that of a run that was not, bit by bit.
 `unsphere check --system img2mesh` says what a configuration amounts to, with --options what can be set.
 

@@ -1,4 +1,5 @@
-//! Ctrl-C: the first asks the work to finish what it has, the second ends it at once.
+//! Ctrl-C: the first asks the work to finish what it has, the second ends it at once. On Unix a SIGTERM counts as one, which is how
+//! schedulers, containers and service managers ask.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -29,10 +30,26 @@ impl Interrupt {
     /// When there is nothing to keep, or at the second press, `unfinished`, the folder under
     /// construction if there is one, is removed and the program ends.
     pub(crate) fn listen(unfinished: Option<&Path>) -> Result<Self, Failure> {
+        let interrupt = Self::listen_among(unfinished)?;
+        #[cfg(unix)]
+        terminated(interrupt.pressed(unfinished))
+            .map_err(|error| Failure::Other(format!("cannot listen for SIGTERM: {error}")))?;
+        Ok(interrupt)
+    }
+
+    /// The same of one of several processes, to which a SIGTERM says that another has failed: it ends them.
+    pub(crate) fn listen_among(unfinished: Option<&Path>) -> Result<Self, Failure> {
         let interrupt = Self::default();
-        let state = Arc::clone(&interrupt.0);
+        ctrlc::set_handler(interrupt.pressed(unfinished))
+            .map_err(|error| Failure::Other(format!("cannot listen for Ctrl-C: {error}")))?;
+        Ok(interrupt)
+    }
+
+    /// What a press does.
+    fn pressed(&self, unfinished: Option<&Path>) -> impl Fn() + Send + 'static {
+        let state = Arc::clone(&self.0);
         let unfinished = unfinished.map(Path::to_owned);
-        ctrlc::set_handler(move || {
+        move || {
             let again = state.pressed.is_cancelled();
             state.pressed.cancel();
             if again || !state.worthwhile.load(Ordering::Relaxed) {
@@ -45,9 +62,7 @@ impl Interrupt {
             }
             // At once: what is finished first may take a while.
             remark(state.answer.get().unwrap_or(&ANSWER));
-        })
-        .map_err(|error| Failure::Other(format!("cannot listen for Ctrl-C: {error}")))?;
-        Ok(interrupt)
+        }
     }
 
     /// From now on there is something to finish.
@@ -77,4 +92,16 @@ impl Interrupt {
     pub(crate) fn is_pressed(&self) -> bool {
         self.0.pressed.is_cancelled()
     }
+}
+
+/// Listens for SIGTERM. Not for SIGHUP, which `nohup` has ignored.
+#[cfg(unix)]
+fn terminated(pressed: impl Fn() + Send + 'static) -> std::io::Result<()> {
+    use signal_hook::consts::SIGTERM;
+    use signal_hook::iterator::Signals;
+
+    let mut signals = Signals::new([SIGTERM])?;
+    let listen = move || signals.forever().for_each(|_| pressed());
+    std::thread::Builder::new().name("sigterm".to_owned()).spawn(listen)?;
+    Ok(())
 }

@@ -143,6 +143,12 @@ pub(crate) fn open<S: Predictor>(
     path: Option<&Path>,
     options: &ReadOptions,
 ) -> Result<S::Data, Failure> {
+    if path.is_none() && *options != ReadOptions::default() {
+        console.warn(
+            "no folder is given: the objects that are made in its place are not read, and what is said of how views are \
+             read (--mask, --fill-holes, ..) changes nothing",
+        );
+    }
     let progress = Progress::new(console, "read");
     let (seed, progress) = (config.train.seed, &|done, all| progress.set(done, all));
     S::open(&config.system, &Source { path, options, seed, progress }).map_err(Failure::input)

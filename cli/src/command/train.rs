@@ -93,7 +93,9 @@ impl Command<'_> {
         let from = together(communicator, from)?;
         let prepared = self.prepared::<S>(from.as_ref().map(|from| &*from.file));
         let Prepared { run, config, data } = together(communicator, prepared)?;
-        let interrupt = together(communicator, Interrupt::listen(None))?;
+        let alone = communicator.size() == 1;
+        let interrupt = if alone { Interrupt::listen(None) } else { Interrupt::listen_among(None) };
+        let interrupt = together(communicator, interrupt)?;
         let opened = open::<S>(console, &config, data.as_deref(), &arguments.reading.options());
         let opened = together(communicator, opened)?;
         // Only now: what cannot be opened must not cost the run that it was to replace.

@@ -209,6 +209,18 @@ fn an_open_mesh_fails_the_check() {
 #[cfg(unix)]
 #[test]
 fn ctrl_c_keeps_what_there_is() {
+    an_interrupt_keeps_what_there_is("-INT");
+}
+
+/// So does the signal by which schedulers and containers end a program.
+#[cfg(unix)]
+#[test]
+fn a_termination_keeps_what_there_is() {
+    an_interrupt_keeps_what_there_is("-TERM");
+}
+
+#[cfg(unix)]
+fn an_interrupt_keeps_what_there_is(signal: &str) {
     use std::process::{Command, Stdio};
     let place = tempfile::tempdir().unwrap();
     clock_views(place.path());
@@ -225,7 +237,7 @@ fn ctrl_c_keeps_what_there_is() {
     let mut stderr = std::io::BufReader::new(child.stderr.take().unwrap());
     std::io::BufRead::read_line(&mut stderr, &mut line).unwrap();
     assert!(line.contains("fitting"), "{line}");
-    let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    let killed = Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap();
     assert!(killed.success());
     assert_eq!(child.wait().unwrap().code(), Some(130));
     let json = std::fs::read_to_string(place.path().join("long/metrics.json")).unwrap();
