@@ -2,7 +2,7 @@
 //!
 //! `cargo run --release -p unsphere-studies --example families -- WEIGHTS [data=FOLDER] [split=test]`: for each family the scores of
 //! the network as it is, with the mean shape of its family told by an oracle, with nothing added to the mean shapes, and with the
-//! camera of another object; then how the true shapes compare with each other under the same two measures, which no network has
+//! camera of another object; how wide, high and long its meshes and the true ones are; then how the true shapes compare with each other under the same two measures, which no network has
 //! part in: with those of the family's other objects, in the mean and of the most alike, and with themselves: a little moved, a
 //! little narrower, and with all that one can look through from the side closed, as a sphere that is deformed has it. Last, which mean shape the objects of each family have most of.
 
@@ -15,7 +15,7 @@ use std::sync::Arc;
 
 use datasets::ReadOptions;
 use losses::metrics::{McmrAlignment, mcmr_iou, voxel_iou};
-use mesh_core::{EmptyGrid, TriMesh, VoxelGrid, cubify, voxelize_enclosed};
+use mesh_core::{EmptyGrid, TriMesh, VoxelGrid, bounds, cubify, voxelize_enclosed};
 use models::mcmr::{Data, Mcmr, Replaced, Scored, Selection};
 use train::{Checkpoint, DataError, Source, Subset};
 
@@ -49,6 +49,7 @@ fn main() -> Result<(), Failure> {
     let data = Data::open(&config.system, &source)?;
     let as_it_is = system.scored(&data, subset)?;
     let mut text = scores(&system, &data, subset, &as_it_is)?;
+    text += &sides(&data, &as_it_is)?;
     text += &truths(&data, subset)?;
     text += &selections(&data, &as_it_is);
     std::io::stdout().write_all(text.as_bytes())?;
@@ -101,6 +102,27 @@ fn line(text: &mut String, family: &str, way: &str, scored: &Scored) {
         text,
         "| {family} | {way} | {objects} | {iou}; {iou_true} | {published}; {strict} | {camera:.1}°; {median:.1}° | {flipped} |"
     );
+}
+
+/// How wide, high and long the objects of each family are in the mean, as they are predicted and in truth.
+fn sides(data: &Data, scored: &Scored) -> Result<String, DataError> {
+    let mut text = "\n| family | predicted: wide; high; long | true |\n|---|--:|--:|\n".to_owned();
+    for (kind, family) in data.categories().iter().enumerate() {
+        let (mut predicted, mut known) = (Vec::new(), Vec::new());
+        for one in scored.each.iter().filter(|one| one.kind == kind) {
+            if let Some(bounds) = data.truth(one.object)?.and_then(|truth| truth.bounds()) {
+                predicted.push(one.sides);
+                known.push(bounds::sides(bounds));
+            }
+        }
+        let mean = |all: &[[f32; 3]]| {
+            let side = |k: usize| all.iter().map(|sides| sides[k]).sum::<f32>() / all.len() as f32;
+            let [wide, high, long] = [0, 1, 2].map(side);
+            format!("{wide:.3}; {high:.3}; {long:.3}")
+        };
+        _ = writeln!(text, "| {family} | {} | {} |", mean(&predicted), mean(&known));
+    }
+    Ok(text)
 }
 
 /// How the true shapes of a family compare with each other and with themselves.

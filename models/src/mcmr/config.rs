@@ -155,6 +155,9 @@ train::options! {
         /// matter where masks are known; published is the whole photograph. Images that are black there already stay as they
         /// are.
         pub cut_out: bool = true;
+        /// Whether what a mask surrounds is object, as in the masks of instance segmentation: a surface that was a sphere has no
+        /// openings, and a mask that one can see through uncovers what is around them too.
+        pub fill_holes: bool = false;
         /// One of so many objects is held out where the data has no lists of its own, by a hash of its name: half of these
         /// for validation, half for tests. Without, scores are of what was trained on.
         #[serde(with = "train::settings::optional")]

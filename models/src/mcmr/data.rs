@@ -10,7 +10,7 @@ use train::{DataError, DataSummary, Source, Subset};
 
 use super::config::McmrConfig;
 use super::perceptual::PerceptualMetrics;
-use super::photo::{Photo, Rough, Sample};
+use super::photo::{Masking, Photo, Rough, Sample};
 use crate::parts;
 use crate::view_cache::ViewCache;
 
@@ -31,7 +31,7 @@ pub struct Data {
     kinds: Vec<usize>,
     categories: Vec<String>,
     perceptual: Arc<PerceptualMetrics>,
-    cut_out: bool,
+    masking: Masking,
     hash: u64,
 }
 
@@ -114,7 +114,7 @@ impl Data {
             kinds,
             categories,
             perceptual,
-            cut_out: config.cut_out,
+            masking: Masking::of(config),
             hash: 0,
         };
         let first = data.parts.train.iter().take(HASHED);
@@ -197,7 +197,7 @@ impl Data {
     pub(super) fn photo(&self, object: usize) -> Result<Arc<Photo>, DataError> {
         let rough = &self.rough[object];
         let identity = self.cache.identity(object);
-        let prepare = |view: &datasets::View| Photo::new(view, rough, identity, self.cut_out);
+        let prepare = |view: &datasets::View| Photo::new(view, rough, identity, self.masking);
         Ok(self.cache.views(object, &[0], &prepare)?.swap_remove(0))
     }
 

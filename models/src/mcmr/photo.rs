@@ -1,6 +1,6 @@
 //! One photograph, and the crops that the network sees of it.
 
-use datasets::View;
+use datasets::{ReadOptions, View, clean_mask};
 use mesh_core::{ByteImage, Camera, Lens};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -32,6 +32,21 @@ impl Stored for Photo {
     }
 }
 
+/// What is made of a photograph's mask.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Masking {
+    /// What is not the object is black.
+    pub(super) cut_out: bool,
+    /// What the object surrounds is object.
+    pub(super) fill_holes: bool,
+}
+
+impl Masking {
+    pub(super) fn of(config: &McmrConfig) -> Self {
+        Self { cut_out: config.cut_out, fill_holes: config.fill_holes }
+    }
+}
+
 /// What a camera is known as in training.
 #[derive(Clone, Debug)]
 pub(super) enum Rough {
@@ -44,7 +59,7 @@ pub(super) enum Rough {
 }
 
 impl Photo {
-    /// A view, what is not the object black if it is to be `cut_out`.
+    /// A view, cut out along the mask that it has; then that mask's holes are filled.
     ///
     /// # Errors
     /// If the mask is empty.
@@ -52,11 +67,14 @@ impl Photo {
         view: &View,
         rough: &Rough,
         object: u64,
-        cut_out: bool,
+        masking: Masking,
     ) -> Result<Self, DataError> {
         let Some([top, left, height, width]) = view.mask_bounds() else {
             return Err(DataError::Unfit(format!("{}: its mask is empty", view.name)));
         };
+        let mut mask = view.mask.clone();
+        let filling = ReadOptions { fill_holes: masking.fill_holes, ..ReadOptions::default() };
+        clean_mask(&mut mask, &filling);
         let camera = view.camera.clone();
         let rough = match rough {
             Rough::Exact => camera.clone(),
@@ -65,8 +83,8 @@ impl Photo {
         };
         Ok(Self {
             name: view.name.clone(),
-            color: if cut_out { cut_out_of(view) } else { view.color.clone() },
-            mask: view.mask.clone(),
+            color: if masking.cut_out { cut_out_of(view) } else { view.color.clone() },
+            mask,
             camera,
             rough,
             bounds: [left, top, left + width, top + height].map(|x| x as f64),
@@ -289,11 +307,13 @@ fn mirror(data: &mut [u8], side: usize) {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
-    use mesh_core::primitives::icosphere;
+    use mesh_core::primitives::{icosphere, torus};
     use rand::SeedableRng;
     use synth::{RenderOptions, render_views};
 
     use super::*;
+
+    const CUT_OUT: Masking = Masking { cut_out: true, fill_holes: false };
 
     /// An ellipsoid, symmetric in x, beside the middle of the image.
     fn photo() -> Photo {
@@ -301,7 +321,7 @@ mod tests {
         let camera =
             Camera::look_at([1.2, 0.6, 1.4], [0.1, 0.05, 0.0], [0.0, 1.0, 0.0], 0.7, 200, 160);
         let views = render_views(&mesh, &[camera], &RenderOptions::default(), &|_, _| ()).unwrap();
-        Photo::new(&views[0], &Rough::Exact, 0, true).unwrap()
+        Photo::new(&views[0], &Rough::Exact, 0, CUT_OUT).unwrap()
     }
 
     /// The outline of the ellipsoid's points under a pose: lowest and highest x and y.
@@ -367,7 +387,7 @@ mod tests {
             render_views(&mesh, &[camera], &look, &|_, _| ()).unwrap().remove(0)
         };
         let image = |view: &View, cut_out: bool| {
-            let photo = Photo::new(view, &Rough::Exact, 0, cut_out).unwrap();
+            let photo = Photo::new(view, &Rough::Exact, 0, Masking { cut_out, ..CUT_OUT }).unwrap();
             photo.plain(Subset::Test, &McmrConfig::default()).image
         };
         let difference = |a: &[u8], b: &[u8]| {
@@ -378,6 +398,24 @@ mod tests {
         assert_eq!(image(&black, true), image(&black, false), "was black before");
         assert!(difference(&image(&black, true), &image(&white, true)) < 2.0);
         assert!(difference(&image(&black, true), &image(&white, false)) > 50.0);
+    }
+
+    /// A ring seen from above: its middle is object if holes are filled, and the network sees the same.
+    #[test]
+    fn what_a_mask_surrounds_is_object_where_asked() {
+        let mesh = torus(0.4, 0.1, 32, 16);
+        let camera = Camera::look_at([0.0, 2.0, 0.3], [0.0; 3], [0.0, 1.0, 0.0], 0.7, 200, 160);
+        let views = render_views(&mesh, &[camera], &RenderOptions::default(), &|_, _| ()).unwrap();
+        let [open, filled] = [false, true].map(|fill_holes| {
+            let masking = Masking { fill_holes, ..CUT_OUT };
+            let photo = Photo::new(&views[0], &Rough::Exact, 0, masking).unwrap();
+            photo.plain(Subset::Test, &McmrConfig::default())
+        });
+        let middle = 32 * 64 + 32;
+        assert_eq!([open.mask[middle], filled.mask[middle]], [0, 255]);
+        assert!(open.mask.iter().zip(&filled.mask).all(|(open, filled)| open <= filled));
+        assert_eq!(open.mask[..64 * 8], filled.mask[..64 * 8], "outside nothing changes");
+        assert_eq!(open.image, filled.image);
     }
 
     #[test]
@@ -404,13 +442,13 @@ mod tests {
         };
         let noise = Rough::Noisy(PoseNoise::default(), 3);
         let [a, b, c] =
-            [(0, 7), (1, 7), (2, 8)].map(|(_, k)| Photo::new(&view, &noise, k, true).unwrap());
+            [(0, 7), (1, 7), (2, 8)].map(|(_, k)| Photo::new(&view, &noise, k, CUT_OUT).unwrap());
         assert_eq!(a.rough, b.rough);
         assert_ne!(a.rough, c.rough);
         assert_ne!(a.rough, a.camera);
         let blank =
             View { mask: ByteImage { data: vec![0; 200 * 160], ..view.mask.clone() }, ..view };
-        let error = Photo::new(&blank, &noise, 0, true).unwrap_err().to_string();
+        let error = Photo::new(&blank, &noise, 0, CUT_OUT).unwrap_err().to_string();
         assert!(error.contains("mask"), "{error}");
     }
 }

@@ -7,7 +7,7 @@ use mesh_core::{Camera, TriMesh};
 use train::{PredictError, Subset};
 
 use super::model::Predicted;
-use super::photo::{Photo, Rough, cropped, lens_of};
+use super::photo::{Masking, Photo, Rough, cropped, lens_of};
 use super::pose::Pose;
 use super::texture::Globe;
 use super::{Mcmr, Sample};
@@ -38,7 +38,7 @@ impl McmrPrediction {
 impl Mcmr {
     /// Applies the network to one photograph, cropped to its mask.
     pub(super) fn predict_view(&self, view: &View) -> Result<McmrPrediction, PredictError> {
-        let photo = Photo::new(view, &Rough::Exact, 0, self.config.cut_out)?;
+        let photo = Photo::new(view, &Rough::Exact, 0, Masking::of(&self.config))?;
         let sample = photo.plain(Subset::Test, &self.config);
         let tape = Tape::eval();
         let predicted = self.predicted(&tape, &[&sample]);

@@ -5,7 +5,7 @@ use losses::metrics::{
     self, FrechetError, MaskRule, McmrAlignment, frechet, mask_iou_by, mcmr_iou, rotation_angle,
     ssim, symmetric_rotation_angle, voxel_iou,
 };
-use mesh_core::{ByteImage, Image, MedianOfEven, TriMesh, median};
+use mesh_core::{ByteImage, Image, MedianOfEven, TriMesh, bounds, median};
 use ndarray::ArrayView2;
 use rayon::prelude::*;
 use train::{Better, DataError, Metric, Subset};
@@ -56,6 +56,8 @@ pub struct ScoredObject {
     pub iou_3d: Option<f64>,
     /// 3D IoU with nothing aligned; none without a true mesh.
     pub iou_3d_strict: Option<f64>,
+    /// Sides of the box around the predicted mesh in its own frame: how wide, high and long it is.
+    pub sides: [f32; 3],
 }
 
 /// All of them.
@@ -301,6 +303,8 @@ impl Mcmr {
             .enumerate()
             .map(|(i, (scored, _))| {
                 let mesh = self.bare_mesh_of(predicted, i);
+                let sides = mesh.bounds().map_or([0.0; 3], bounds::sides);
+                let scored = ScoredObject { sides, ..scored };
                 let one = |all: &Vec<f32>| {
                     let width = all.len() / samples.len();
                     all[i * width..][..width].to_vec()

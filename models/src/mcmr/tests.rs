@@ -361,7 +361,8 @@ fn a_prediction_stands_in_the_world_of_its_photograph() {
     let world = found.mesh_in_world();
     world.validate().unwrap();
     // The middle of the mesh's frame lands where the pose says, in the square around the object.
-    let photo = Photo::new(&view, &photo::Rough::Exact, 0, false).unwrap();
+    let masking = photo::Masking { cut_out: false, fill_holes: false };
+    let photo = Photo::new(&view, &photo::Rough::Exact, 0, masking).unwrap();
     let [left, top, side] = photo.square(config.margin);
     let middle = found.to_world.map(|row| row[3]);
     let seen = view.camera.project(middle);
