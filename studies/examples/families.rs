@@ -90,7 +90,7 @@ fn scores(
 
 fn line(text: &mut String, family: &str, way: &str, scored: &Scored) {
     let mean = |of: fn(&models::mcmr::ScoredObject) -> Option<f64>| {
-        scored.mean(of).map_or("-".to_owned(), |value| format!("{value:.3}"))
+        scored.mean(of).map_or_else(|| "-".to_owned(), |value| format!("{value:.3}"))
     };
     let (iou, iou_true) = (mean(|one| Some(one.mask_iou)), mean(|one| Some(one.mask_iou_true)));
     let (published, strict) = (mean(|one| one.iou_3d), mean(|one| one.iou_3d_strict));
@@ -198,7 +198,7 @@ fn close_along_x(grid: &mut VoxelGrid, [nx, ny, nz]: [usize; 3]) {
     let mut widths: Vec<Option<(usize, usize)>> = Vec::with_capacity(ny * nz);
     for (y, z) in (0..ny).flat_map(|y| (0..nz).map(move |z| (y, z))) {
         let mut filled = (0..nx).filter(|&x| grid.get([x, y, z]));
-        widths.push(filled.next().map(|first| (first, filled.last().unwrap_or(first))));
+        widths.push(filled.next().map(|first| (first, filled.next_back().unwrap_or(first))));
     }
     let mut outside = vec![false; ny * nz];
     outside[at(0, 0)] = true;
@@ -251,7 +251,7 @@ fn selections(data: &Data, scored: &Scored) -> String {
     let shapes = scored.each.first().map_or(0, |one| one.weights.len());
     let mut text = format!("\npurity {:.3}\n\n| family |", scored.purity());
     (0..shapes).for_each(|shape| _ = write!(text, " {shape} |"));
-    text += &format!("\n|---|{}\n", "--:|".repeat(shapes));
+    _ = writeln!(text, "\n|---|{}", "--:|".repeat(shapes));
     for (kind, family) in data.categories().iter().enumerate() {
         let mut counts = vec![0; shapes];
         for one in scored.each.iter().filter(|one| one.kind == kind) {
@@ -261,7 +261,9 @@ fn selections(data: &Data, scored: &Scored) -> String {
             }
         }
         _ = write!(text, "| {family} |");
-        counts.iter().for_each(|count| _ = write!(text, " {count} |"));
+        for count in counts {
+            _ = write!(text, " {count} |");
+        }
         text.push('\n');
     }
     text
