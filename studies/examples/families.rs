@@ -188,7 +188,7 @@ fn closed(mesh: &TriMesh) -> TriMesh {
 
 fn close_along_x(grid: &mut VoxelGrid, [nx, ny, nz]: [usize; 3]) {
     let at = |y: usize, z: usize| y * nz + z;
-    let neighbours = |(y, z): (usize, usize)| {
+    let neighbors = |(y, z): (usize, usize)| {
         let shift = [(0, 1), (2, 1), (1, 0), (1, 2)];
         let all =
             shift.into_iter().map(move |(a, b)| ((y + a).wrapping_sub(1), (z + b).wrapping_sub(1)));
@@ -204,7 +204,7 @@ fn close_along_x(grid: &mut VoxelGrid, [nx, ny, nz]: [usize; 3]) {
     outside[at(0, 0)] = true;
     let mut pending = VecDeque::from([(0, 0)]);
     while let Some(place) = pending.pop_front() {
-        for (y, z) in neighbours(place) {
+        for (y, z) in neighbors(place) {
             if widths[at(y, z)].is_none() && !std::mem::replace(&mut outside[at(y, z)], true) {
                 pending.push_back((y, z));
             }
@@ -215,7 +215,7 @@ fn close_along_x(grid: &mut VoxelGrid, [nx, ny, nz]: [usize; 3]) {
         (0..ny).flat_map(|y| (0..nz).map(move |z| (y, z))).filter(filled).collect();
     while let Some(place) = pending.pop_front() {
         let width = widths[at(place.0, place.1)];
-        for (y, z) in neighbours(place) {
+        for (y, z) in neighbors(place) {
             if widths[at(y, z)].is_none() && !outside[at(y, z)] {
                 widths[at(y, z)] = width;
                 pending.push_back((y, z));
